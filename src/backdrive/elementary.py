@@ -5,10 +5,9 @@ differ too. The functions here use plain arithmetic on doubles, rounded operatio
 contraction gives the same bits, C included. Each is within one unit in the last place of the true value where that is a
 normal number.
 
-`decay`, which most laws call, needs no table: reading one keeps a compiler from working on several numbers in one instruction,
-where the processor has none that reads several. `exp` and `log` read a table of 128 powers or logarithms, after P. T. P. Tang
-(ACM TOMS 15(2), 1989, and 16(4), 1990), made here with integers; sums of two doubles follow T. J. Dekker (Numer. Math. 18,
-1971). Series are Taylor's but for that of `decay`.
+`decay`, which most laws call, needs no table, for reading one keeps compilers from several numbers at once. The others read
+one of 128 powers or logarithms, after P. T. P. Tang (ACM TOMS 15(2), 1989, and 16(4), 1990), made here with integers; sums of
+two doubles follow T. J. Dekker (Numer. Math. 18, 1971). Series are Taylor's but for that of `decay`.
 """
 
 from __future__ import annotations
@@ -20,24 +19,18 @@ import numpy as np
 from backdrive._jit import COMPILED, from_bits, leaf, to_bits
 
 BITS = 160  # of the integers that the tables are made with
-ONE = 1 << BITS
-N = 128  # entries of a table
+ONE, N = 1 << BITS, 128  # one in fixed point; entries of a table
 LARGEST = 709.782712893384  # exp of more is infinite
 SMALLEST = -708.0  # and of less 0: results below 2e-308 are no normal numbers
 FAR = -709.0  # where 2^k of the result is 0 already
 MOST = 2.0**50  # angle beyond which sin and cos are NaN; beyond 1e6 they are as exact as the angle is [rad]
 NEAR = 0.125  # below which tanh is its series
-MAGIC = 6755399441055744.0  # 1.5 * 2^52: adding it rounds to an integer
-MAGIC_BITS = 0x4338000000000000
-LACK = (
-    2.0**-64
-)  # unit of what a power's double lacks, relative to it: at most 2^-54, so that it fits beside the mantissa
+MAGIC, MAGIC_BITS = 6755399441055744.0, 0x4338000000000000  # 1.5 * 2^52: adding it rounds to an integer
+LACK = 2.0**-64  # unit of what a power's double lacks, relative to it: at most 2^-54
 TINY = 2.2250738585072014e-308  # smallest normal number
 SPLIT = 134217729.0  # 2^27 + 1: parts a double into halves of 26 bits
 MANTISSA, EXPONENT_OF_1 = (1 << 52) - 1, 1023 << 52
-UPPER = (
-    53  # place in the table of logarithms from which on a mantissa counts as the half of it, above sqrt(2)
-)
+UPPER = 53  # place in the table of logarithms from which on a mantissa counts as half, above sqrt(2)
 
 
 def _float(x: int, bits: int = BITS) -> float:
@@ -114,7 +107,7 @@ BY_HALF_PI = _float((ONE << BITS) // _half_pi())
 PI_1, PI_2, PI_3, PI_4 = _parts(_half_pi(), 32, 64, 96)
 S3, S5, S7, S9, S11, S13, S15, S17 = [(-1) ** (n // 2) / factorial(n) for n in range(3, 19, 2)]
 C4, C6, C8, C10, C12, C14, C16 = [(-1) ** (n // 2) / factorial(n) for n in range(4, 18, 2)]
-# e^r - 1 - r - r^2/2 - r^3/6 for |r| <= log(2)/2: the polynomial whose largest error is the least (Remez, 1934), 6e-18
+# of e^r for |r| <= log(2)/2 behind r^3/6: the largest error is the least (Remez, 1934), 6e-18
 E4, E5, E6, E7 = 0.04166666666661246, 0.008333333333391636, 0.0013888888923720985, 0.00019841269643900577
 E8, E9, E10, E11 = (
     2.4801512218295423e-05,
@@ -122,16 +115,8 @@ E8, E9, E10, E11 = (
     2.762388064715861e-07,
     2.5009202143917747e-08,
 )
-T3, T5, T7, T9, T11, T13, T15, T17 = (
-    -1 / 3,
-    2 / 15,
-    -17 / 315,
-    62 / 2835,
-    -1382 / 155925,
-    21844 / 6081075,
-    -929569 / 638512875,
-    6404582 / 10854718875,
-)
+T3, T5, T7, T9 = -1 / 3, 2 / 15, -17 / 315, 62 / 2835
+T11, T13, T15, T17 = -1382 / 155925, 21844 / 6081075, -929569 / 638512875, 6404582 / 10854718875
 
 
 @leaf
@@ -202,8 +187,7 @@ def decay(x: float):
     y = FAR if x < FAR else x
     wide = y * BY_LOG_2 + MAGIC
     count = wide - MAGIC
-    high = y - count * LOG_2_HIGH  # exact
-    low = count * LOG_2_LOW
+    high, low = y - count * LOG_2_HIGH, count * LOG_2_LOW  # the first exact
     r = high - low
     square = r * r
     even = 0.5 + square * (E4 + square * (E6 + square * (E8 + square * E10)))

@@ -100,5 +100,5 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
                         )
                     X[i, 0] = z[tau.size]
 
-    groups = put_in(groups, kernels.parts([rate], [element]))
+    groups = put_in(groups, kernels.parts([rate], [element]) | kernels.ONE_AT_A_TIME)
     return specialise(groups, rate, element, int(plain), knots, int(tame), together)

@@ -101,7 +101,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
                     else:
                         tau[k] += viscous[k]
 
-    lanes = put_in(lanes, kernels.parts([rate], [element]))
+    lanes = put_in(lanes, kernels.parts([rate], [element]) | kernels.ONE_AT_A_TIME)
     return specialise(lanes, rate, element, int(plain), knots, sections, int(tame))
 
 

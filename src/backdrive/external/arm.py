@@ -28,7 +28,7 @@ from backdrive.external.joint import (
     LEAST,
     SETTLED,
     delay_of,
-    explained,
+    share_of_torque,
     noise_of,
     reference_torque,
     speed_along,
@@ -285,7 +285,7 @@ class ArmEstimate:
         """
         shares = {}
         for j, one in enumerate(results):
-            share = explained(one, self.frictions[j], [s[j] for s in arm.stretches])
+            share = share_of_torque(one, self.frictions[j], [s[j] for s in arm.stretches])
             if share is not None:
                 shares[one.joint.name] = share
         poor = {name: share for name, share in shares.items() if share < EXPLAINED}

@@ -82,7 +82,7 @@ def joint_force(
         known=reference_torque(log, name, time),
         speed=speed_along(stretches, time),
     )
-    share = explained(result, friction, stretches)
+    share = share_of_torque(result, friction, stretches)
     if share is not None and share < EXPLAINED:
         remarks.append(
             f"Joint '{name}': the model explains {100.0 * max(share, 0.0):.0f} % of the torque in motion: a large force acts, or "
@@ -169,7 +169,7 @@ def reference_torque(log: Log, name: str, time: np.ndarray) -> np.ndarray | None
     return np.interp(time, one.time, one.external_torque[:, 0])
 
 
-def explained(one: JointForce, friction: JointFriction, stretches: Sequence[Signals]) -> float | None:
+def share_of_torque(one: JointForce, friction: JointFriction, stretches: Sequence[Signals]) -> float | None:
     """Return the share of the torque in motion that the model explains [-]; None at rest, or for a model without friction.
 
     A model without friction, if that is intended, explains little of the torque.

@@ -29,7 +29,7 @@ def _doubt(one: JointForce, joints: Sequence[JointForce]) -> str | None:
     known = np.asarray(one.known)
     good = np.isfinite(known) & (one.state != _REST)
     power = float(np.mean(known[good] ** 2)) if good.any() else 0.0
-    own = _left(one.force, known, good)
+    own = _mean_square(one.force, known, good)
     half = 0.5 * (one.upper - one.lower)[good]
     band = float(np.sqrt(np.nanmean(half**2))) if np.isfinite(half).any() else 0.0
     if not (power > 0.0 and own > SHARE * power and own > (BEYOND * band) ** 2):
@@ -42,13 +42,13 @@ def _doubt(one: JointForce, joints: Sequence[JointForce]) -> str | None:
     for other in joints:
         if other is not one and other.force.size == known.size and other.joint.unit == one.joint.unit:
             others[f"that of joint '{other.joint.name}'"] = other.force
-    left = {name: _left(force, known, good) for name, force in others.items()}
-    best = min(left, key=left.__getitem__)
-    if left[best] < CLEAR * power:
+    errors = {name: _mean_square(force, known, good) for name, force in others.items()}
+    best = min(errors, key=errors.__getitem__)
+    if errors[best] < CLEAR * power:
         return f"{start}; it fits {best}: check the mapping of tau_ext."
     return f"{start}: check its order, sign, unit and frame, and the sign and unit of the joint's torque."
 
 
-def _left(force: np.ndarray, known: np.ndarray, good: np.ndarray) -> float:
+def _mean_square(force: np.ndarray, known: np.ndarray, good: np.ndarray) -> float:
     """Return the mean square of the difference [(N.m)^2 or N^2]."""
     return float(np.mean((force[good] - known[good]) ** 2)) if good.any() else 0.0

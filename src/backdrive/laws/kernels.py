@@ -20,16 +20,7 @@ import numpy as np
 from backdrive._assembly import assemble
 from backdrive._jit import choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
-from backdrive.laws import ELEMENTS, RATES, REFERENCE, growth
-from backdrive.laws.absent import (
-    no_curve,
-    no_motion,
-    no_row,
-    no_state,
-    no_torque,
-    no_torque_of_states,
-    nothing_ahead,
-)
+from backdrive.laws import ELEMENTS, RATES, REFERENCE, absent, growth
 from backdrive.laws.base import MOST, Element, kernels_of
 from backdrive.laws.elements import none
 
@@ -54,19 +45,19 @@ FOLLOWERS = [c for c in PLAIN if hasattr(sys.modules[c.__module__], "ahead")]
 FOLLOWS = among(FOLLOWERS)
 ROWS, MOVES, HOLDS = among(WIDE), among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
 MARKED = True  # a law may grow with the load or differ by direction: p[0] may hold a fraction
-curve = choice(kernels_of(RATES.values(), "limits"), no_curve)
+curve = choice(kernels_of(RATES.values(), "limits"), absent.no_curve)
 #: Rate laws for one velocity at a time, in place of those that a compiler makes vectors of. The numbers are the same.
 ONE_AT_A_TIME = {
     module.limits: module.limits_of_one
     for module in (sys.modules[law.__module__] for law in RATES.values())
     if hasattr(module, "limits_of_one")
 }
-carry_row = choice(kernels_of(WIDE, "step"), no_row)
-carry_moving = choice(kernels_of(MOVERS, "step"), no_motion)
-carry_plain = choice(kernels_of(PLAIN, "step"), no_torque)
-look_ahead = choice(kernels_of(FOLLOWERS, "ahead"), nothing_ahead)
-follow = choice(kernels_of(FOLLOWERS, "follow"), no_state)
-torque_of_states = choice(kernels_of(FOLLOWERS, "torque"), no_torque_of_states)
+carry_row = choice(kernels_of(WIDE, "step"), absent.no_row)
+carry_moving = choice(kernels_of(MOVERS, "step"), absent.no_motion)
+carry_plain = choice(kernels_of(PLAIN, "step"), absent.no_torque)
+look_ahead = choice(kernels_of(FOLLOWERS, "ahead"), absent.nothing_ahead)
+follow = choice(kernels_of(FOLLOWERS, "follow"), absent.no_state)
+torque_of_states = choice(kernels_of(FOLLOWERS, "torque"), absent.no_torque_of_states)
 
 
 @jit
@@ -129,18 +120,8 @@ def within(v: float, dp: float, dt: float):
 
 @ladder
 def step_at(  # noqa: PLR0913  (a kernel's row)
-    rate: int,
-    element: int,
-    plain: bool,
-    p: Array,
-    x: Array,
-    y: Array,
-    v: float,
-    dp: float,
-    dt: float,
-    load: Pair,
-    temp: float,
-):
+    rate: int, element: int, plain: bool, p: Array, x: Array, y: Array, v: float, dp: float, dt: float, load: Pair, temp: float,
+):  # fmt: skip
     """Friction torque of one tick from the state row x to y at a velocity v = dp/dt that is at most FASTEST."""
     e = begin(p)
     if ROWS >> element & 1:
@@ -153,18 +134,8 @@ def step_at(  # noqa: PLR0913  (a kernel's row)
 
 @ladder
 def step_one(  # noqa: PLR0913  (a kernel's row)
-    rate: int,
-    element: int,
-    plain: bool,
-    p: Array,
-    e: int,
-    z: float,
-    v: float,
-    dp: float,
-    dt: float,
-    load: Pair,
-    temp: float,
-):
+    rate: int, element: int, plain: bool, p: Array, e: int, z: float, v: float, dp: float, dt: float, load: Pair, temp: float,
+):  # fmt: skip
     """State and friction torque after one tick of an element whose state is one number z; its row begins at p[e]."""
     lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
     if MOVES >> element & 1:

@@ -20,6 +20,7 @@ from backdrive.laws.direction import BACKWARD
 
 ENOUGH = 0.3  # least share of sliding samples for a fit to sliding alone [-]
 LESS = 2.0  # reversals are left out if friction there is lower by so many standard errors [-]
+SMALL = 0.005  # and by more than this share of the torque: smoothing alone makes up less [-]
 FEWEST_TURNS = 6  # and so many of them
 
 
@@ -67,7 +68,9 @@ def lags_behind(
         means += [float(np.mean(along[a:b])) for a, b in spans(s.judged & ~only.judged)]
     if len(means) < FEWEST_TURNS:
         return False
-    return bool(np.mean(means) < -LESS * np.std(means) / np.sqrt(len(means)))
+    torque = np.concatenate([s.torque[s.judged] for s in stretches])
+    small = SMALL * float(np.sqrt(np.mean(torque**2)))
+    return bool(np.mean(means) < -max(LESS * float(np.std(means)) / np.sqrt(len(means)), small))
 
 
 def slips_too_early(values: Mapping[str, float]) -> bool:
