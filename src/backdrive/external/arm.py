@@ -28,9 +28,9 @@ from backdrive.external.joint import (
     LEAST,
     SETTLED,
     delay_of,
-    share_of_torque,
     noise_of,
     reference_torque,
+    share_of_torque,
     speed_along,
 )
 from backdrive.external.result import STATES, JointForce

@@ -18,9 +18,9 @@ from backdrive._catalog import lookup
 from backdrive.control.estimators.external import METHODS
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.external.calibrate import Calibration, calibrate
+from backdrive.external.comparison import doubts
 from backdrive.external.contacts import with_contacts
 from backdrive.external.joint import AUTO, joint_force
-from backdrive.external.known_torque import doubts
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.wrench_axes import AXES
 from backdrive.logs.log import Log
