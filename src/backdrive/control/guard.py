@@ -125,7 +125,7 @@ def act(g, code, good, wanted, since, interval):
     latched = g[CAUSE] > 0.0
     if not latched and (code == OVERSPEED or g[FAULTY] > g[PATIENCE]):
         g[CAUSE] = code
-    if g[CAUSE] > 0.0 or g[STOP] > 0.0:
+    if g[CAUSE] != 0.0 or g[STOP] != 0.0:
         fall = g[RAMP]
         if g[CAUSE] > 0.0:
             fall = (HASTE if g[CAUSE] == OVERSPEED else 1.0) * g[LATCHING]
