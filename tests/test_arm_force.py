@@ -156,7 +156,7 @@ def test_a_tool_frame_and_the_order_of_the_joints_are_the_robots():
 def test_what_does_not_fit_is_named(tmp_path):
     with pytest.raises(UnknownName, match=r"no frame 'hand'.*tip"):
         ArmForce.from_model(MODEL, ROBOT, frame="hand")
-    with pytest.raises(InvalidInput, match=r"--method arm"):
+    with pytest.raises(InvalidInput, match=r'method="arm"'):
         ArmForce.from_model(model_of(arm=None), ROBOT)
     other = parse_robot(
         '<mujoco><worldbody><body><joint name="x"/><geom size="1"/></body></worldbody></mujoco>'
@@ -255,7 +255,7 @@ def test_free_motion_calibrates_the_bands_of_an_arm():
 
 def test_logs_that_are_not_of_this_arm_are_refused():
     log = log_of(PUSH, n=3000)
-    with pytest.raises(InvalidInput, match=r"whole arm.*--urdf"):
+    with pytest.raises(InvalidInput, match=r"whole arm.*urdf"):
         estimate_force(SLIDING, log)
     with pytest.raises(InvalidInput, match=r"another robot or of other joints"):
         estimate_force(SLIDING, log.replace(torque=-log.torque), robot=ROBOT)

@@ -88,7 +88,7 @@ def test_short_histories_are_not_judged():
     result = drifts(joints_of(short))
     assert not any(np.isfinite(one.p) or one.named for one in result)
     assert "too short" in result[0].sentence
-    with pytest.raises(InvalidInput, match="--rate 2"):
+    with pytest.raises(InvalidInput, match="rate=2"):
         drifts([], rate=2.0)
 
 

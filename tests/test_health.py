@@ -125,7 +125,7 @@ def test_repairs_bring_the_truth_back():
 
 def test_the_gate_stops_names_and_lets_accepted_pass():
     spoiled = changed("torque", put(100, np.nan))
-    with pytest.raises(UnhealthyLog, match=r"\[nan\].*--accept nan"):
+    with pytest.raises(UnhealthyLog, match=r"\[nan\].*accept=\"nan\""):
         gate(spoiled)
     accepted = gate(spoiled, accept=["nan"])
     assert any("nan" in note for note in accepted.notes)

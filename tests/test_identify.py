@@ -62,9 +62,9 @@ def test_unknown_method_no_log_no_torque_and_no_urdf_are_named():
         identify(two_joints(), method="constant")
     with pytest.raises(InvalidInput, match="no log"):
         identify([])
-    with pytest.raises(InvalidInput, match="no torque|--map tau"):
+    with pytest.raises(InvalidInput, match="no torque|map=.tau"):
         identify(two_joints().replace(torque=None))
-    with pytest.raises(InvalidInput, match="--urdf"):
+    with pytest.raises(InvalidInput, match="urdf=.ROBOT"):
         identify(two_joints(), method="arm")
     with pytest.raises(InvalidInput, match="different joints"):
         identify([two_joints(), any_motion(dry)])

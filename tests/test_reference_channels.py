@@ -1,5 +1,7 @@
 """From columns to channels, worked by hand: sums, units, what is left out, and what is said of it."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -158,8 +160,9 @@ def test_maps_that_do_not_fit(map, words):
         "a": Q, "wide": np.ones((4, 3)), "one": T, "long": np.ones(5), "huge": np.array([0.0, 1.0, 1e200, np.nan]),
         "low": np.array([0.0, -1e200, np.inf, 1.0]), "Twin": T, "tWin": T,
     }  # fmt: skip
-    with pytest.raises(MappingError, match=words):
+    with pytest.raises(MappingError) as caught:
         log_of(map, **arrays)
+    assert re.search(words, caught.value.text)
 
 
 def test_infinite_and_missing_numbers_go_through_a_map():
@@ -459,7 +462,7 @@ def test_terms_of_a_map_as_they_are_written():
     assert _expression.parse({"q": "a", "tau": "2*b"}) == _expression.parse("q=a,tau=2*b")
     assert _expression.parse("q=a,")["position"] == _expression.parse("q=a")["position"]
     for text in ("", " ", {}):
-        with pytest.raises(MappingError, match="--map is empty"):
+        with pytest.raises(MappingError, match="`map` is empty"):
             _expression.parse(text)
     with pytest.raises(MappingError, match="names 'position' twice"):
         _expression.parse("q=a,position=b")

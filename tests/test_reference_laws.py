@@ -366,6 +366,8 @@ def reset(e, x, lo, hi, dp, dt):
         x[0] = bound
         held = way * max(way * (bound - before), 0.0) / e.stiffness  # the path on which it still held
         more = held / dp * e.excess * bound + e.damping * held / dt
+        if e.stiffness * abs(dp) < 1e-4 * abs(bound):
+            more = e.excess * bound
         return bound + way * min(way * more, way * e.excess * bound), dp
     x[0] = trial
     most = (1.0 + e.excess) * trial + e.damping * dp / dt

@@ -143,7 +143,7 @@ def test_what_is_said_of_a_bent_curve():
     ):
         identify_constant_velocity(runs(uneven_line, [0.5, 1.0, -0.5, -1.0]), "a", law="polyline")
     three = [0.3, 0.5, 1.0, -0.3, -0.5, -1.0]
-    with pytest.raises(NotIdentifiable, match="at least 7 runs .* in both directions; or .*--symmetric"):
+    with pytest.raises(NotIdentifiable, match="at least 7 runs .* in both directions; or .*`symmetric`"):
         identify_constant_velocity(runs(uneven_line, three), "a")
     identify_constant_velocity(runs(uneven_line, three), "a", symmetric=True)
     identify_constant_velocity(runs(uneven_line, [*three, 0.7]), "a")

@@ -53,7 +53,7 @@ FACTS = Facts(
 
 
 def test_the_fastest_speed_of_a_log_is_no_top_speed():
-    with pytest.raises(InvalidInput, match=r"no top speed.*--top-speed or --urdf"):
+    with pytest.raises(InvalidInput, match=r"no top speed.*`top_speed` or `urdf`"):
         TUNING.loop()
     with pytest.raises(InvalidInput, match="no encoder count"):
         replace(TUNING, encoder_count=None).loop(top_speed=3.0)
@@ -141,7 +141,7 @@ def test_top_speed_and_effort_of_the_robot_description_are_taken_unless_said(tmp
     assert _joint_options.guards({"elbow": 1.0}, {}, None, ["elbow"]) == {
         "elbow": {"trip_speed": 1.0, "limit": None}
     }
-    with pytest.raises(InvalidInput, match=r"no joint 'knee'.*elbow, wrist.*--top-speed"):
+    with pytest.raises(InvalidInput, match=r"no joint 'knee'.*elbow, wrist.*`top_speed`"):
         _joint_options.guards({}, {}, path, ["knee"])
 
 

@@ -10,11 +10,14 @@ from importlib import import_module
 from os import PathLike
 from typing import Any
 
+from backdrive._options import as_arguments
 from backdrive._visible import visible
 
 
 class BackdriveError(Exception):
     """The root of all errors of this package.
+
+    Its `str` names keyword arguments where `message` and `remedy` name options of the command line.
 
     Args:
         message: the fault, with the invalid value.
@@ -26,10 +29,15 @@ class BackdriveError(Exception):
 
     def __init__(self, message: str, *, remedy: str = "", **data: object):
         message, remedy = visible(message), visible(remedy)  # names in them may be a hostile file's
-        super().__init__(message if not remedy else f"{message} {remedy}")
         self.message = message
         self.remedy = remedy
         self.data = data
+        super().__init__(as_arguments(self.text))
+
+    @property
+    def text(self) -> str:
+        """Message and remedy as the command line prints them."""
+        return f"{self.message} {self.remedy}".rstrip()
 
     def __reduce__(self):  # keyword-only arguments must survive the way back from a child process
         return (_rebuild, (type(self), self.message, self.remedy, self.data))

@@ -316,7 +316,7 @@ def _reports(output: Path, target: Path, every: list[Drift], count: int, say: An
             result = identify(log, **options.get("identification", {}))
             write_report(result, folder / file, command=f"backdrive identify {path}")
         except BackdriveError as error:
-            echo(f"No report of {name}: {error}", err=True)
+            echo(f"No report of {name}: {error.text}", err=True)
             continue
         links[name] = f"{folder.name}/{file}"
     return links

@@ -124,7 +124,7 @@ def fail(error: Exception, *, as_json: bool) -> int:
     """
     code = error.exit_code if isinstance(error, BackdriveError) else 4
     kind = type(error).__name__
-    message = str(error) if isinstance(error, BackdriveError) else f"internal error: {kind}: {error}"
+    message = error.text if isinstance(error, BackdriveError) else f"internal error: {kind}: {error}"
     if as_json:
         print_json({"ok": False, "error": {"kind": kind, "message": message}, "exit_code": code})
     else:

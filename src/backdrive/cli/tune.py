@@ -195,7 +195,7 @@ def command(
     if as_json:
         from backdrive.tuning.tuning_file import plain
 
-        without = {name: str(error) for name, error in refused.items()}
+        without = {name: error.text for name, error in refused.items()}
         print_json(
             {"ok": not refused, "joints": [plain(t) for t in found], "refused": without, "written": written}
         )
@@ -206,7 +206,7 @@ def command(
             echo(f"Wrote {path}")
         show_controller(model, output)
         for error in refused.values():
-            echo(f"backdrive: {error}", err=True)
+            echo(f"backdrive: {error.text}", err=True)
     if refused:
         raise typer.Exit(1)
 
@@ -215,6 +215,6 @@ def _refuse(refused: dict[str, BackdriveError], as_json: bool) -> None:
     """Raise the error of a single joint; of several, print all errors but the last and raise that one."""
     *others, last = refused.values()
     for error in others:
-        if not as_json and str(error) != str(last):
-            echo(f"backdrive: {error}", err=True)
+        if not as_json and error.text != last.text:
+            echo(f"backdrive: {error.text}", err=True)
     raise last

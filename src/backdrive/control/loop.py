@@ -132,6 +132,10 @@ class Loop:
         self.reset(np.zeros(J))
         self._table[:, CALLS] = 0.0
 
+    def __repr__(self) -> str:
+        limits = ", ".join(f"{joint.limit:.4g}" for joint in self.joints)
+        return f"<Loop of {len(self.joints)} joint(s), {1.0 / self.interval:g} Hz; at most {limits} N.m or N>"
+
     def _kernel_of(self, kernel: F) -> F:
         """Return a kernel that advances joints for what runs on those of this loop."""
         return assembly.of_loop(kernel, rows(self.joints, np.zeros(len(self.joints)), self.interval))

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._options import as_arguments
 from backdrive.errors import InvalidInput, check_type
 from backdrive.external.result import STATES, ForceEstimate
 from backdrive.identification.drift.comparison import Comparison
@@ -95,7 +96,7 @@ def text(result: Any, width: int = 80) -> str:
         console.print()
         console.print(rows)
     for sentence in _some(shown.warnings):
-        console.print(f"! {_plain(prose(sentence))}")
+        console.print(f"! {_plain(prose(as_arguments(sentence)))}")
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines()) + "\n"
 
 
@@ -138,7 +139,7 @@ def html(result: Any) -> str:
         + "</tr>"
         for row in shown.rows
     )
-    warnings = "".join(f"<li>{esc(prose(w))}</li>" for w in _some(shown.warnings))
+    warnings = "".join(f"<li>{esc(prose(as_arguments(w)))}</li>" for w in _some(shown.warnings))
     image = ""
     if shown.figure is not None:
         try:

@@ -6,7 +6,8 @@
 K: stiffness [N.m/rad or N/m]. z_p = F_p/K, z_n = F_n/K: break-away distances, F_p and F_n the bounds of the rate law. a:
 what break-away adds to sliding [-]. D: damping while the bristle holds [N.m.s/rad or N.s/m]. The torque jumps at
 break-away by a F; a tick in which the bristle gives has the jump and the damping for the share of it that still held, so
-that shaking at break-away returns no more energy than it takes. D. A. Haessig, B. Friedland, ASME JDSMC 113(3), 1991.
+that shaking at break-away returns no more energy than it takes. A tick whose K dp is below 1e-4 F counts as one that held.
+D. A. Haessig, B. Friedland, ASME JDSMC 113(3), 1991.
 """
 
 from __future__ import annotations
@@ -19,11 +20,18 @@ from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 
+SLIGHT = 1e-4  # of the bound: a tick that stretches the bristle by less holds all along
+
 
 @leaf
-def break_away_share(held: float, jump: float, damping: float, dp: float, dt: float):
-    """What is added to sliding in the tick of break-away: the jump and the damping, for the share of it that still held."""
-    added = held / dp * jump + damping * (held / dt)
+def break_away_share(held: float, stretch: float, bound: float, jump: float, damped: float):
+    """What is added to sliding in the tick of break-away: the jump and the damping, for the share of it that still held.
+
+    The share of a tick that hardly stretches the bristle would be lost in rounding.
+    """
+    if abs(stretch) < SLIGHT * abs(bound):
+        return jump
+    added = held / stretch * (jump + damped)
     return jump if abs(added) > abs(jump) else added
 
 
@@ -31,20 +39,17 @@ def break_away_share(held: float, jump: float, damping: float, dp: float, dt: fl
 def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State and torque after one tick; the state is K z."""
     stiffness, excess, damping = p[e], p[e + 1], p[e + 2]
-    trial = z + stiffness * dp
+    stretch, damped = stiffness * dp, damping * (dp / dt)
+    trial = z + stretch
     if trial >= hi and dp >= 0.0:
-        return hi, hi if z >= hi else hi + break_away_share(
-            (hi - z) / stiffness, excess * hi, damping, dp, dt
-        )
+        return hi, hi if z >= hi else hi + break_away_share(hi - z, stretch, hi, excess * hi, damped)
     if trial <= lo and dp <= 0.0:
-        return lo, lo if z <= lo else lo + break_away_share(
-            (lo - z) / stiffness, excess * lo, damping, dp, dt
-        )
+        return lo, lo if z <= lo else lo + break_away_share(lo - z, stretch, lo, excess * lo, damped)
     if trial > hi:  # the bound has fallen under a bristle that is let go
         trial = hi
     elif trial < lo:
         trial = lo
-    held = (1.0 + excess) * trial + damping * (dp / dt)
+    held = (1.0 + excess) * trial + damped
     if held > (1.0 + excess) * hi:
         return trial, (1.0 + excess) * hi
     if held < (1.0 + excess) * lo:
