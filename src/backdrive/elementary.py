@@ -22,7 +22,7 @@ BITS = 160  # of the integers that the tables are made with
 ONE, N = 1 << BITS, 128  # one in fixed point; entries of a table
 LARGEST = 709.782712893384  # exp of more is infinite
 SMALLEST = -708.0  # and of less 0: results below 2e-308 are no normal numbers
-FAR = -709.0  # where 2^k of the result is 0 already
+FAR = -709.0  # exponent in its place: 2^k of it is 0
 MOST = 2.0**50  # angle beyond which sin and cos are NaN; beyond 1e6 they are as exact as the angle is [rad]
 NEAR = 0.125  # below which tanh is its series
 MAGIC, MAGIC_BITS = 6755399441055744.0, 0x4338000000000000  # 1.5 * 2^52: adding it rounds to an integer
@@ -183,8 +183,8 @@ def power_of_two(wide: float):
 
 @leaf
 def decay(x: float):
-    """Return e^x for x <= 0; 0 below -708.8. Of arithmetic alone, so that a compiler takes several numbers at once."""
-    y = FAR if x < FAR else x
+    """Return e^x for x <= 0; 0 below -708. Of arithmetic alone, so that a compiler takes several numbers at once."""
+    y = FAR if x < SMALLEST else x
     wide = y * BY_LOG_2 + MAGIC
     count = wide - MAGIC
     high, low = y - count * LOG_2_HIGH, count * LOG_2_LOW  # the first exact
