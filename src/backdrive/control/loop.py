@@ -134,7 +134,8 @@ class Loop:
 
     def __repr__(self) -> str:
         limits = ", ".join(f"{joint.limit:.4g}" for joint in self.joints)
-        return f"<Loop of {len(self.joints)} joint(s), {1.0 / self.interval:g} Hz; at most {limits} N.m or N>"
+        count = f"{len(self.joints)} joint{'s' if len(self.joints) > 1 else ''}"
+        return f"<Loop of {count}, {1.0 / self.interval:g} Hz; at most {limits} N.m or N>"
 
     def _kernel_of(self, kernel: F) -> F:
         """Return a kernel that advances joints for what runs on those of this loop."""

@@ -75,13 +75,16 @@ class Law:
     growth: Growth | None = None
 
     def __post_init__(self):
-        for name, kind, remedy in (
-            ("rate", Rate, "Give a rate law, such as StribeckGauss(...); what carries it is the element."),
-            ("element", Element, "Give a presliding element, such as LuGre(...), or leave it out."),
-        ):
-            if not isinstance(getattr(self, name), kind):
-                what = type(getattr(self, name)).__name__
-                raise InvalidInput(f"The {name} of a law is a {what}.", remedy=remedy)
+        if not isinstance(self.rate, Rate):  # pyright: ignore[reportUnnecessaryIsInstance]  (a person gives it)
+            raise InvalidInput(
+                f"The rate of a law is a {type(self.rate).__name__}.",
+                remedy="Give a rate law, such as StribeckGauss(...); what carries it is the element.",
+            )
+        if not isinstance(self.element, Element):  # pyright: ignore[reportUnnecessaryIsInstance]
+            raise InvalidInput(
+                f"The element of a law is a {type(self.element).__name__}.",
+                remedy="Give a presliding element, such as LuGre(...), or leave it out.",
+            )
         if self.rate.SMOOTH and not isinstance(self.element, Rigid):
             raise InvalidInput(
                 f"'{self.rate.NAME}' cannot be carried by '{self.element.NAME}': it is continuous and zero at rest, so it has "

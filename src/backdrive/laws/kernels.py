@@ -162,17 +162,9 @@ def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair,
 
 
 @jit
-def solve(  # noqa: PLR0912  (a kernel calls little)
-    rate: int,
-    element: int,
-    p: Array,
-    x: Array,
-    v_free: float,
-    dt: float,
-    dt_over_m: float,
-    load: Pair,
-    temp: float,
-):
+def solve(  # noqa: PLR0912  (a kernel calls little; its row)
+    rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
+):  # fmt: skip
     """Velocity at the end of a step of a mass under this friction, implicit in the friction; `x` is not changed.
 
     v + dt/m friction(v dt) = v_free, the velocity that the step would end with without friction. If friction is set-valued, v
@@ -181,38 +173,33 @@ def solve(  # noqa: PLR0912  (a kernel calls little)
     """
     if not np.isfinite(v_free):
         return np.nan
-    at_rest = v_free
-    if HOLDS >> element & 1:
+    holds = HOLDS >> element & 1
+    if holds:
         lo, hi, _ = limits(rate, p, 0.0, load, temp)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
             return 0.0
-        at_rest -= dt_over_m * (hi if v_free > 0.0 else lo)
-    else:
-        at_rest -= dt_over_m * _try_step(rate, element, p, x, 0.0, dt, load, temp)
-        if at_rest == 0.0:
-            return 0.0
-    if not np.isfinite(at_rest):
-        return np.nan
-    toward = 1.0 if at_rest > 0.0 else -1.0
-    close = CLOSE * (abs(v_free) + abs(at_rest))
-    # a: a speed at which friction is too weak; b: one at which it is too strong
-    a, excess_a, b = 0.0, -abs(at_rest), abs(at_rest)
-    excess_b = _excess(rate, element, p, x, b, toward, v_free, dt, dt_over_m, load, temp)
-    side, grown = 0, 1.0
-    for _ in range(STEPS):
-        if not excess_b < 0.0:
-            break
-        a, excess_a, b = b, excess_b, b - 2.0 * grown * excess_b
-        grown *= 2.0
-        excess_b = _excess(rate, element, p, x, b, toward, v_free, dt, dt_over_m, load, temp)
-    if excess_b == 0.0:
-        return toward * b
-    # regula falsi, a side that stays halved (Illinois): exact where the curve is a straight line; then bisection
-    for k in range(2 * STEPS):
-        speed = b - excess_b * (b - a) / (excess_b - excess_a) if k < STEPS else 0.5 * (a + b)
-        if not a < speed < b:
-            break
-        excess = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
+    toward, close = 1.0 if v_free > 0.0 else -1.0, 0.0
+    # a: a speed at which friction is too weak; b: one at which it is too strong; before it is met, infinite
+    a, excess_a, b, excess_b = 0.0, 0.0, np.inf, np.inf
+    speed, growth_of_b, side = 0.0, 2.0, 0
+    for k in range(-1, 3 * STEPS):
+        v = toward * speed
+        if holds:
+            lo, hi, viscous = limits(rate, p, v, load, temp)
+            friction = (hi if toward > 0.0 else lo) + viscous
+        else:
+            friction = _try_step(rate, element, p, x, v, dt, load, temp)
+        excess = toward * (v + dt_over_m * friction - v_free)
+        if k < 0:  # at rest: the direction of motion, and a first speed
+            if excess == 0.0:
+                return 0.0
+            if not np.isfinite(excess):
+                return np.nan
+            if excess > 0.0:
+                toward = -toward
+            speed = abs(excess)
+            excess_a, close = -speed, CLOSE * (abs(v_free) + speed)
+            continue
         if abs(excess) <= close:
             return toward * speed
         if excess > 0.0:
@@ -222,42 +209,28 @@ def solve(  # noqa: PLR0912  (a kernel calls little)
             side = 1
         else:
             a, excess_a = speed, excess
+            if b == np.inf:
+                speed -= growth_of_b * excess
+                growth_of_b *= 2.0
+                if k < STEPS:
+                    continue
             if side < 0:
                 excess_b *= 0.5
             side = -1
+        # regula falsi, a side that stays halved (Illinois): exact where the curve is a straight line; then bisection
+        speed = b - excess_b * (b - a) / (excess_b - excess_a) if k < 2 * STEPS else 0.5 * (a + b)
+        if not a < speed < b:
+            break
     return toward * (b - excess_b * (b - a) / (excess_b - excess_a))
 
 
-@jit
+@ladder
 def _try_step(rate: int, element: int, p: Array, x: Array, v: float, dt: float, load: Pair, temp: float):
-    """Friction torque of a trial step at velocity v; the resulting state is written behind the state."""
-    dp = v * dt
-    v = slow(dp / dt)
-    return step_at(rate, element, False, p, x, x[x.size // 2 :], v, within(v, dp, dt), dt, load, temp)
-
-
-@jit
-def _excess(  # noqa: PLR0913  (a kernel's row)
-    rate: int,
-    element: int,
-    p: Array,
-    x: Array,
-    speed: float,
-    toward: float,
-    v_free: float,
-    dt: float,
-    dt_over_m: float,
-    load: Pair,
-    temp: float,
-):
-    """Residual of the balance at a trial speed, along the direction of motion."""
-    v = toward * speed
-    if HOLDS >> element & 1:
-        lo, hi, viscous = limits(rate, p, v, load, temp)
-        friction = (hi if toward > 0.0 else lo) + viscous
-    else:
-        friction = _try_step(rate, element, p, x, v, dt, load, temp)
-    return toward * (v + dt_over_m * friction - v_free)
+    """Friction torque of a trial step at velocity v; a resulting state of several numbers is written behind the state."""
+    v = slow(v)
+    if ROWS >> element & 1:
+        return step_at(rate, element, False, p, x, x[x.size // 2 :], v, v * dt, dt, load, temp)
+    return step_one(rate, element, False, p, begin(p), x[0], v, v * dt, dt, load, temp)[1]
 
 
 @jit
