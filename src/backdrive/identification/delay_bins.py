@@ -52,7 +52,8 @@ class DelayStretch:
         series = self._longer[
             :, self._margin : self._margin + s.time.size
         ]  # one after the other: they are long
-        self._velocity, series[0] = filters.low_pass_rows([s.velocity, s.acceleration], corner, s.rate)
+        velocity, series[0] = filters.low_pass_rows([s.velocity, s.acceleration], corner, s.rate)
+        self._velocity = velocity.copy()  # without the other row's memory
         np.negative(filters.low_pass(s.jerk, of_jerk, s.rate), out=series[1])
         if s.position is not None:
             position = filters.low_pass(s.position, corner, s.rate)

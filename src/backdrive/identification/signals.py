@@ -76,7 +76,9 @@ class Signals:
 
 
 #: The last stretches of a log of moderate length that is in use: the choice of a method looks at them before the method does.
-_last: WeakKeyDictionary[Log, tuple[tuple[str | int, float | None], list[Signals]]] = WeakKeyDictionary()
+_last: WeakKeyDictionary[Log, tuple[tuple[str | int, float | None], tuple[Signals, ...]]] = (
+    WeakKeyDictionary()
+)
 
 
 def default_cutoff(rate: float) -> float:
@@ -101,11 +103,11 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
         NotIdentifiable: no stretch is long enough.
     """
     if (kept := _last.get(log)) is not None and kept[0] == (joint, cutoff):
-        return kept[1]
+        return list(kept[1])
     _last.clear()
     stretches = _prepare(log, joint, cutoff)
     if len(log) <= filters.SHORT:
-        _last[log] = (joint, cutoff), stretches
+        _last[log] = (joint, cutoff), tuple(stretches)
     return stretches
 
 
