@@ -32,6 +32,13 @@ ENVIRONMENT = {
     "NUMBA_NUM_THREADS": "1",
     **dict.fromkeys(VARIABLES, "1"),
 }
+#: What Dask would do many times a second beside the work: look at the stack of its thread, at its own delay, and at the lock.
+QUIET = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.tick.limit": "1h",
+    "distributed.admin.system-monitor.gil.enabled": False,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,9 +70,7 @@ def local_client(workers: int) -> Iterator[Client]:
         raise InvalidInput(f"{workers} workers.", remedy="Give at least one.")
     dask = _quiet()
     distributed = require("distributed", "A fleet needs", "fleet")
-    with dask.config.set(
-        {"distributed.nanny.pre-spawn-environ": ENVIRONMENT, "distributed.admin.tick.limit": "1h"}
-    ):
+    with dask.config.set({"distributed.nanny.pre-spawn-environ": ENVIRONMENT, **QUIET}):
         cluster = distributed.LocalCluster(
             n_workers=workers,
             threads_per_worker=1,

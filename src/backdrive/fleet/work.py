@@ -84,8 +84,12 @@ def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
     try:
         with local_copy(entry) as path, warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            digest = _digest(path)
-            result = _identify_log(path, options)
+            try:
+                result = _identify_log(path, options)
+            except Exception:
+                digest = _digest(path)
+                raise
+            digest = result.model.sources[0].sha256
             check_for_changes(entry)
         return [
             _about(entry, digest) | row_of(result, number, entry)

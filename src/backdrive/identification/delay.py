@@ -28,9 +28,11 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     before, after = max(whole + 2, 0), max(1 - whole, 0)
     first = before - whole - 2
     rows = x.reshape(-1, n)
-    longer = [np.concatenate([np.full(before, row[0]), row, np.full(after, row[-1])]) for row in rows]
-    moved = [np.correlate(row[first : first + n + 3], weights, "valid") for row in longer]
-    return np.reshape(moved, x.shape)
+    longer, moved = np.empty(before + n + after), np.empty(rows.shape)
+    for row, result in zip(rows, moved, strict=True):
+        longer[:before], longer[before : before + n], longer[before + n :] = row[0], row, row[-1]
+        result[:] = np.correlate(longer[first : first + n + 3], weights, "valid")
+    return moved.reshape(x.shape)
 
 
 def cubic(samples: float) -> tuple[int, tuple[float, float, float, float]]:

@@ -23,6 +23,7 @@ from backdrive.identification.motion_bins import (
 )
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
+from backdrive.logs.angles import sine_cosine
 
 MARGIN = 0.2  # delays up to this are reached without new arrays [s]
 
@@ -46,18 +47,17 @@ class DelayStretch:
         if s.model_torque is not None:
             self._known = filters.means(s.model_torque, self.width)
         self._moving, self._sliding = s.moving, s.sliding
-        self._velocity = filters.low_pass(s.velocity, corner, s.rate)
         self._margin = round(MARGIN * s.rate) + 3
         self._longer = np.zeros((4, s.time.size + 2 * self._margin))
         series = self._longer[
             :, self._margin : self._margin + s.time.size
         ]  # one after the other: they are long
-        series[0] = filters.low_pass(s.acceleration, corner, s.rate)
+        velocity, series[0] = filters.low_pass_rows([s.velocity, s.acceleration], corner, s.rate)
+        self._velocity = velocity.copy()  # without the other row's memory
         np.negative(filters.low_pass(s.jerk, of_jerk, s.rate), out=series[1])
         if s.position is not None:
             position = filters.low_pass(s.position, corner, s.rate)
-            np.sin(position, out=series[2])
-            np.cos(position, out=series[3])
+            series[2], series[3] = sine_cosine(position)
         self._hold_ends()
 
     def _hold_ends(self) -> None:

@@ -10,8 +10,10 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, regression
 from backdrive.identification.signals import Signals
-from backdrive.identification.terms import GRAVITY
+from backdrive.identification.terms import GRAVITY, RIGID
+from backdrive.identification.terms import columns as columns_of
 from backdrive.logs import filters
+from backdrive.logs.angles import sine_cosine
 
 #: Columns before the friction basis, in this order.
 COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
@@ -92,7 +94,7 @@ def means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
 def head(s: Signals) -> tuple[np.ndarray, ...]:
     """Return the columns of what is not friction, (n,) each."""
     zero = np.zeros_like(s.velocity)
-    pull = (zero, zero) if s.position is None else (np.sin(s.position), np.cos(s.position))
+    pull = (zero, zero) if s.position is None else sine_cosine(s.position)
     known = zero if s.model_torque is None else s.model_torque
     return s.acceleration, -s.jerk, zero + 1.0, *pull, known
 
@@ -148,10 +150,11 @@ def predict(candidate: Candidate, coefficients: np.ndarray, motion: Signals, row
     """
     k = len(candidate.terms)
     torque = curves.torques(candidate.form, coefficients[:, k:], motion.velocity, row)
-    columns_of: dict[str, np.ndarray] = dict(zip(COLUMNS, head(motion), strict=True))
+    rigid = [term for term in candidate.terms if term in RIGID]
+    along = dict(zip(rigid, columns_of(motion, rigid), strict=True)) | {"model_torque": motion.model_torque}
     for j, term in enumerate(candidate.terms):
         if term != "jerk":
-            torque += coefficients[:, j].take(row) * columns_of[term]
+            torque += coefficients[:, j].take(row) * along[term]
     return torque
 
 
@@ -181,7 +184,7 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
     Raises:
         NotIdentifiable: no candidate is determined by the data.
     """
-    total = max(float(blocks.rows.sum()), 1e-300)
+    total, power = max(float(blocks.rows.sum()), 1e-300), float(blocks.power.sum())
     fits: list[tuple[float, Candidate, np.ndarray]] = []
     by_block: dict[int, np.ndarray] = {}
     for option in options:
@@ -190,13 +193,13 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
         k = len(option.terms)
         if not weight.min() > 0.0 or weight[k:].min() < MEAGRE * total:
             continue
-        theta = mapped.solution()
+        theta, left_out = regression.solutions(mapped)
         if len(option.form.knots) > 2:  # a curve would zigzag at a knot that the data hardly determine
             variance = regression.sandwich(mapped, theta).diagonal()[k:].max()
             if math.sqrt(max(variance, 0.0)) > VAGUE * np.abs(theta[k:]).max():
                 continue
-        by_block[id(option)] = regression.leave_one_out_losses(mapped)
-        loss = max(by_block[id(option)].sum(), ROUNDING * blocks.power.sum())
+        by_block[id(option)] = regression.block_losses(mapped, left_out)
+        loss = max(by_block[id(option)].sum(), ROUNDING * power)
         fits.append((float(loss) / total, option, theta))
     if not fits:
         raise NotIdentifiable(

@@ -15,7 +15,7 @@ from backdrive.engine import rollout
 from backdrive.errors import InvalidInput
 from backdrive.identification.delay import delay_signals
 from backdrive.identification.signals import Signals
-from backdrive.identification.terms import GRAVITY, column
+from backdrive.identification.terms import GRAVITY, columns
 from backdrive.laws import Rigid
 from backdrive.laws.growth import pairs
 from backdrive.model import JointFriction
@@ -48,7 +48,9 @@ def _pull(friction: JointFriction, signals: Signals) -> np.ndarray | float:
     terms = [term for term in GRAVITY if term in friction.dynamics]
     if terms and signals.position is None:
         raise _cannot(friction, "gravity", "position", "q")
-    return sum((friction.dynamics[term].value * column(signals, term) for term in terms), 0.0)
+    if not terms:
+        return 0.0
+    return np.array([friction.dynamics[term].value for term in terms]) @ columns(signals, terms)
 
 
 def load_torque(friction: JointFriction, signals: Signals) -> np.ndarray | None:

@@ -22,7 +22,7 @@ from backdrive.identification import curves, design, noise, regression
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.evidence import evidence, parts_of, sentences, without_errors
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
-from backdrive.identification.quality import assess_parts, judge
+from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
 from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
@@ -33,6 +33,7 @@ from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.logs.log import Joint, Log
+from backdrive.logs.quantiles import quantile
 from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
@@ -78,7 +79,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         raise NotIdentifiable(
             f"Joint '{joint}' does not move in these logs.", remedy="Name a joint that moves."
         )
-    top = float(np.percentile(np.abs(speeds), 99.9))
+    top = quantile(np.abs(speeds), 99.9 / 100.0)
     knots = top * np.array(curves.SHARES)
     slowest = slowest_sliding(stretches, knots)
     positions = [s.position for s in stretches if s.position is not None]
@@ -100,9 +101,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
 
-    def average(delay: float) -> Bins:
-        late = [delay_signals(s, delay) for s in stretches]
-        return bin_means(late, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
+    def delayed(delay: float) -> list[Signals]:
+        return [delay_signals(s, delay) for s in stretches]
+
+    def average(motion: list[Signals]) -> Bins:
+        return bin_means(motion, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
 
     def simplest(slip: Slip, bins: Bins):
         return _simplest(bins, options, slip.correlation, (slowest, 0.0 if few else slow))
@@ -123,20 +126,19 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         slip = seek_slip(stretches, knots, full, seconds, rough=True)
         if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
             slip = seek_slip(stretches, knots, full, seconds, coarse, rough=True)
-        simpler = simplest(slip, average(slip.delay))[0]
+        simpler = simplest(slip, average(delayed(slip.delay)))[0]
         slip = seek_slip(
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
         )
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)
-    bins = average(slip.delay)
+    bins = average(motion := delayed(slip.delay))
     if simpler is not None:
-        late = [delay_signals(s, slip.delay) for s in stretches]
-        bins = drop_build_up(bins, late, simpler.spread, slip.correlation, seconds)
+        bins = drop_build_up(bins, motion, simpler.spread, slip.correlation, seconds)
     choice, bins, slowest = choose(slip, bins)
     if slip.is_fitted(coarse):
-        later = replace(average(slip.delay + slip.error), used=bins.used).whiten(slip.correlation)
+        later = replace(average(delayed(slip.delay + slip.error)), used=bins.used).whiten(slip.correlation)
         now, then = (fit(each.map_columns(choice.candidate.spread)) for each in (bins, later))
         choice = with_slip(choice, (then - now) / slip.error, slip)
     choice = design.offset_apart(choice)
@@ -159,12 +161,13 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
     unseen = _leave_block_out(stretches, choice, slip.delay, seconds) if not held_out else None
     parts, of_others = parts_of(friction, stretches, True), parts_of(friction, others, False)
+    fitted, held = assess_both(parts, unseen) if unseen else (assess_parts(parts), assess_parts(of_others))
     load = np.concatenate([s.torque - measured for s, measured, *_ in parts])
     friction = replace(
         friction,
         warnings=(*friction.warnings, *remarks),
-        fitted=assess_parts(parts),
-        held_out=assess_parts(of_others) if unseen is None else judge(unseen),
+        fitted=fitted,
+        held_out=held,
         validity=replace(
             friction.validity,
             load=(float(load.min()), float(load.max())),
@@ -317,11 +320,11 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
 
 def _leave_block_out(
     stretches: Sequence[Signals], choice: design.Choice, delay: float, seconds: float
-) -> list[tuple[np.ndarray, np.ndarray, float, np.ndarray]]:
-    """Predict every block by the fit that did not see it; return pairs as `judge` takes them."""
+) -> list[np.ndarray]:
+    """Return the torque of each stretch [N.m or N], (n,), every block predicted by the fit that did not see it."""
     count = len(choice.left_out)
     block = regression.block_index(sum(bin_size(s, seconds)[1] for s in stretches), count)
-    first, pairs = 0, []
+    first, predicted = 0, []
     for s in stretches:
         width, bins = bin_size(s, seconds)
         of_bin = block[first : first + bins] if bins else np.zeros(1, dtype=int)
@@ -341,6 +344,5 @@ def _leave_block_out(
                     if x is not None
                 },
             )
-        predicted = design.predict(choice.candidate, choice.left_out, then, of_sample)
-        pairs.append((s.torque, predicted, s.rate, s.sliding))
-    return pairs
+        predicted.append(design.predict(choice.candidate, choice.left_out, then, of_sample))
+    return predicted

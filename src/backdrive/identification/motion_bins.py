@@ -11,6 +11,7 @@ from scipy.linalg import solve_banded
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
+from backdrive.logs.quantiles import median
 
 BIN_TIME = 0.01  # torque and regressors are averaged over this long, at least [s]
 LONGEST_BIN = 0.1  # and at most [s]
@@ -121,7 +122,7 @@ def block_count(duration: float, period: float = 0.0) -> int:
         duration: of all stretches [s].
         period: of the motion [s].
     """
-    return int(np.clip(duration / max(BLOCK_TIME, period), *BLOCKS))
+    return int(min(max(duration / max(BLOCK_TIME, period), BLOCKS[0]), BLOCKS[1]))
 
 
 def period_of(moves: Sequence[np.ndarray]) -> float:
@@ -131,7 +132,7 @@ def period_of(moves: Sequence[np.ndarray]) -> float:
         moves: of each stretch, as `moves_of` returns them [s].
     """
     every = np.concatenate(moves)
-    return 2.0 * float(np.median(every)) if every.size else 0.0
+    return 2.0 * median(every) if every.size else 0.0
 
 
 def moves_of(s: Signals) -> np.ndarray:

@@ -123,11 +123,12 @@ def structure(case: Case) -> Remark | None:
                 f"The torque changed midway, by {share}: its gain, or its sign.",
             ),
         ]
+    of_torque, of_friction = res.waves(np.ones_like(way), way)
     tests += [
         (res.explain(way * load), follows_load),
         (res.explain(way * _static_load(case, res)), follows_load),
-        (res.wave(), f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
-        (res.wave(way), f"Friction follows the position {wave}, by {share}."),
+        (of_torque, f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
+        (of_friction, f"Friction follows the position {wave}, by {share}."),
     ]
     if (
         float(np.sqrt(np.mean(res.torque_error**2))) > STRUCTURE * size

@@ -19,6 +19,7 @@ from scipy.special import fdtrc
 from backdrive.identification.curves import basis
 from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.logs import filters
+from backdrive.logs.quantiles import median, quantile
 from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
@@ -172,48 +173,60 @@ class Residual:
             beyond=float(np.sqrt(np.mean(fit**2))),
         )
 
-    def wave(self, factor: np.ndarray | float = 1.0) -> Explanation | None:
-        """Return what the best wave over position explains; None where no position tells.
+    def waves(self, *factors: np.ndarray) -> list[Explanation | None]:
+        """Return what the best wave over position explains with each factor; None where no position tells.
 
         Args:
-            factor: of the wave, such as the sign of the velocity, (n,).
+            factors: of the wave, such as the sign of the velocity, (n,) each.
         """
+        none: list[Explanation | None] = [None] * len(factors)
         if self.time.size < 2 or not np.isfinite(self.position).all():
-            return None
+            return none
         span, top = float(np.ptp(self.position)), float(np.abs(self.velocity).max())
         finest = min(FINEST, 0.5 * np.pi / (self.period * max(top, 1e-12)))
         if not span > 0.0 or finest <= 2.0 * np.pi / span:
-            return None
+            return none
         step = max(0.5 * np.pi / span, finest * self.time.size / MOST)
         waves = np.arange(2.0 * np.pi / span, finest, step)
         if not waves.size:
-            return None
-        power = self._powers(waves, step, factor)
-        best = float(waves[int(np.argmax(power))])
-        result = self.explain(*self._wave(best, factor).T)
-        if result is None:
-            return None
-        chance = min(result.chance * waves.size, 1.0)
-        return replace(result, chance=chance, wave=best)
+            return none
+        best = waves[np.argmax(self._powers(waves, step, np.array(factors)), axis=1)].tolist()
+        return [
+            self._explain_wave(wave, factor, waves.size) for wave, factor in zip(best, factors, strict=True)
+        ]
 
-    def _powers(self, waves: np.ndarray, step: float, factor: np.ndarray | float) -> np.ndarray:
-        """Return by how much each of equally spaced waves lowers the squared residual beside what any model may hold, (W,)."""
-        circling = np.empty((waves.size, self.time.size), dtype=complex)
-        circling[0], turn = factor * np.exp(1j * waves[0] * self.position), np.exp(1j * step * self.position)
-        for k in range(1, waves.size):
-            np.multiply(circling[k - 1], turn, out=circling[k])
-        sums = circling @ np.column_stack([self._error_apart, self._basis])
-        pair = np.stack([np.imag(sums), np.real(sums)], axis=1)  # of sine and cosine, (W, 2, 1 + r)
-        moment, held = pair[..., 0], pair[..., 1:]
-        double = np.einsum("wn,wn->w", circling, circling)  # whose parts are cos^2 - sin^2 and 2 sin cos
-        whole, even, odd = np.sum(np.abs(circling[0]) ** 2), np.real(double), np.imag(double)
-        square = np.array([[whole - even, odd], [odd, whole + even]])
-        gram = 0.5 * square.transpose(2, 0, 1) - held @ held.transpose(0, 2, 1)
-        return np.einsum("wi,wij,wj->w", moment, np.linalg.pinv(gram, rcond=1e-6, hermitian=True), moment)
-
-    def _wave(self, wave: float, factor: np.ndarray | float) -> np.ndarray:
+    def _explain_wave(self, wave: float, factor: np.ndarray, tried: int) -> Explanation | None:
+        """Return what a wave explains that is the best of so many."""
         phase = wave * self.position
-        return np.stack([factor * np.sin(phase), factor * np.cos(phase)], axis=1)
+        result = self.explain(factor * np.sin(phase), factor * np.cos(phase))
+        return result and replace(result, wave=wave, chance=min(result.chance * tried, 1.0))
+
+    def _powers(self, waves: np.ndarray, step: float, factors: np.ndarray) -> np.ndarray:
+        """Return by how much equally spaced waves lower the squared residual beside what any model may hold, (F, W).
+
+        Args:
+            waves: of the position [rad/rad or rad/m], (W,).
+            step: between them.
+            factors: that each is tried with, (F, n).
+        """
+        circling, turn = np.exp(1j * waves[0] * self.position), np.exp(1j * step * self.position)
+        own, weight = np.column_stack([self._error_apart, self._basis]), factors**2
+        both, double = (
+            np.empty((2 * waves.size, self.time.size)),
+            np.empty((len(factors), waves.size), complex),
+        )
+        for k in range(waves.size):
+            both[2 * k], both[2 * k + 1] = np.imag(circling), np.real(circling)  # sine and cosine
+            double[:, k] = weight @ (circling * circling)  # whose parts are cos^2 - sin^2 and 2 sin cos
+            circling *= turn
+        sums = [both @ (factor[:, None] * own) for factor in factors]
+        pair = np.reshape(sums, (len(factors), waves.size, 2, -1))
+        moment, held = pair[..., 0], pair[..., 1:]
+        whole, even, odd = weight.sum(axis=1)[:, None], np.real(double), np.imag(double)
+        square = np.array([[whole - even, odd], [odd, whole + even]])
+        gram = 0.5 * square.transpose(2, 3, 0, 1) - held @ held.swapaxes(-1, -2)
+        inverse = np.linalg.pinv(gram, rcond=1e-6, hermitian=True)
+        return np.einsum("fwi,fwij,fwj->fw", moment, inverse, moment)
 
     def delay(self, *others: np.ndarray) -> tuple[float, float] | None:
         """Return by how much torque comes later than motion [s], and the residual there by that without a delay [-].
@@ -265,7 +278,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     parts = [part for part in parts if part[0].time.size]
     if not parts:
         return None
-    top = max(float(np.percentile(np.abs(s.velocity), 99.5)) for s, *_ in parts)
+    top = max(quantile(np.abs(s.velocity), 0.995) for s, *_ in parts)
     columns: list[list[Any]] = []
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
@@ -280,9 +293,12 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         columns.append([*means, np.full(n, number), *masks])
         error = (s.torque - predicted)[slides]
         if error.size:
-            error = np.abs(error - np.median(error))
-            off = np.r_[False, error > WILD * 1.4826 * np.median(error), False]
-            far += int(np.count_nonzero(off[1:-1] & ~off[:-2] & ~off[2:]))
+            error = np.abs(error - median(error.copy()))
+            off = error > WILD * 1.4826 * median(error.copy())
+            beside = off[1:] & off[:-1]
+            off[1:] &= ~beside
+            off[:-1] &= ~beside
+            far += int(np.count_nonzero(off))
             count += error.size
     names = (
         "time",
@@ -296,7 +312,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         "part",
     )
     joined = [np.concatenate(each) for each in zip(*columns, strict=True)]
-    rate = float(np.median([s.rate for s, *_ in parts]))
+    rate = median(np.array([s.rate for s, *_ in parts]))
     return Residual(
         **dict(zip((*names, "moving", "sliding"), joined, strict=True)),
         period=max(1, round(MEAN * rate)) / rate,

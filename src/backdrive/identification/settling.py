@@ -42,20 +42,20 @@ def drop_build_up(
         seconds: of the bins [s].
     """
     way, sense, middle = _ways(stretches, seconds)
-    used, before = raw.used, 0.0
+    fitted, used, before = raw.map_columns(spread), raw.used, 0.0
     for share in SHARES:
         band = (way >= before) & (way < share * middle)
         if np.count_nonzero(used & band) >= FEWEST and _lags(
-            replace(raw, used=used), sense * band, spread, correlation
+            replace(fitted, used=used), sense * band, correlation
         ):
             used = raw.used & (way >= share * middle)
         before = share * middle
     return replace(raw, used=used)
 
 
-def _lags(raw: Bins, column: np.ndarray, spread: np.ndarray, correlation: float) -> bool:
-    """Return whether the torque along a column is significantly smaller than a candidate predicts."""
-    more = replace(raw, X=np.column_stack([raw.X @ spread, column])).whiten(correlation)
+def _lags(fitted: Bins, column: np.ndarray, correlation: float) -> bool:
+    """Return whether the torque along a column is significantly smaller than a candidate predicts, whose columns are fitted."""
+    more = replace(fitted, X=np.column_stack([fitted.X, column])).whiten(correlation)
     theta = fit(more)
     if not theta[-1] < 0.0:
         return False

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.logs import filters
 from backdrive.logs.log import Log
+from backdrive.logs.quantiles import median, quantile
 
 GAP = 3.5  # an interval of so many periods is a gap; nothing is interpolated across it [period]
 SHORTEST = 50  # a segment between gaps with fewer samples is left out [sample]
@@ -73,6 +75,12 @@ class Signals:
         return replace(self, **arrays)
 
 
+#: The last stretches of a log of moderate length that is in use: the choice of a method looks at them before the method does.
+_last: WeakKeyDictionary[Log, tuple[tuple[str | int, float | None], tuple[Signals, ...]]] = (
+    WeakKeyDictionary()
+)
+
+
 def default_cutoff(rate: float) -> float:
     """Return the corner frequency that motion is low-passed at before differentiation [Hz].
 
@@ -94,6 +102,17 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
         InvalidInput: the log holds no torque.
         NotIdentifiable: no stretch is long enough.
     """
+    if (kept := _last.get(log)) is not None and kept[0] == (joint, cutoff):
+        return list(kept[1])
+    _last.clear()
+    stretches = _prepare(log, joint, cutoff)
+    if len(log) <= filters.SHORT:
+        _last[log] = (joint, cutoff), tuple(stretches)
+    return stretches
+
+
+def _prepare(log: Log, joint: str | int, cutoff: float | None) -> list[Signals]:
+    """Return what `prepare` does."""
     log.need("torque")
     log = _finite(log.select(joint).on_joint_side())
     if len(log) < SHORTEST:
@@ -106,7 +125,7 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
             f"The median sampling interval is {period} s.", remedy="Repair the time channel (--repair)."
         )
     speed = log.velocity if log.velocity is not None else filters.derivative(log.need("position"), period)
-    top = float(np.percentile(np.abs(speed), 99.5))
+    top = quantile(np.abs(speed).ravel(), 0.995)
     stretches = [
         _segment(log.rows(rows), period, cutoff, top) for rows in between_gaps(log.time, period, SHORTEST)
     ]
@@ -244,7 +263,7 @@ def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
     """Return how far the joint has gone since its last reversal (n,), and the median way between two of them [rad or m]."""
     bounds, way, whole = _ways(s.velocity)
-    return way / s.rate, float(np.median(whole[bounds[:-1]])) / s.rate
+    return way / s.rate, median(whole[bounds[:-1]]) / s.rate
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:

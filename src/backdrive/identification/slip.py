@@ -127,10 +127,12 @@ def seek_slip(
     tried: list[tuple[float, float]] = []
     while len(tried) < ROUNDS:
         bins = bins_at_delay(slow, delay, knots, full)
-        if not tried:  # only tells how the noise is correlated
-            correlation = neighbours(bins.y - bins.X @ fit(bins), bins.used)
-        bins = bins.whiten(correlation)
-        theta = fit(bins)
+        if not tried:  # tells how the noise is correlated; if it is not, there is nothing to repeat
+            theta = fit(bins)
+            correlation = neighbours(bins.y - bins.X @ theta, bins.used)
+        if tried or correlation != 0.0:
+            bins = bins.whiten(correlation)
+            theta = fit(bins)
         if not theta[inertia] > 0.0:
             return replace(open_, correlation=correlation)
         tried.append((delay, float(theta[jerk] / theta[inertia])))

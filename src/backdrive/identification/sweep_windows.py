@@ -105,8 +105,9 @@ def _find(stretches: Sequence[Signals], joint: str | int) -> tuple[np.ndarray, n
         travel = float(np.ptp(x))
         if travel <= 0:
             continue
+        turns = extremes(x)
         for share in TRIED:
-            found = _cycles(s.time, x, speed, turning_points(x, share * travel))
+            found = _cycles(s.time, x, speed, turning_points(x, share * travel, turns))
             if len(found[1]) > len(best[1]):
                 best = found
     if len(best[1]) < 2:
@@ -117,19 +118,27 @@ def _find(stretches: Sequence[Signals], joint: str | int) -> tuple[np.ndarray, n
     return best
 
 
-def turning_points(x: np.ndarray, least: float) -> np.ndarray:
-    """Return the samples at which a signal turns, between strokes of at least `least`; the first and last included.
-
-    Args:
-        x: the signal, (n,).
-        least: smallest stroke that counts [unit of x].
-    """
+def extremes(x: np.ndarray) -> np.ndarray:
+    """Return the samples at which a signal turns however little, with the first and the last one that move, (k,)."""
     step = np.sign(np.diff(x))
     moving = np.flatnonzero(step)
     if not moving.size:
         return np.zeros(0, dtype=int)
     turns = moving[1:][step[moving[1:]] != step[moving[:-1]]]
-    candidates = np.concatenate([[moving[0]], turns, [moving[-1] + 1]])
+    return np.concatenate([[moving[0]], turns, [moving[-1] + 1]])
+
+
+def turning_points(x: np.ndarray, least: float, candidates: np.ndarray | None = None) -> np.ndarray:
+    """Return the samples at which a signal turns, between strokes of at least `least`; the first and last included.
+
+    Args:
+        x: the signal, (n,).
+        least: smallest stroke that counts [unit of x].
+        candidates: its extremes, if they are known, (k,).
+    """
+    candidates = extremes(x) if candidates is None else candidates
+    if not candidates.size:
+        return candidates
     values = x[candidates].tolist()
     points, low, high, direction = [], 0, 0, 0
     for i, value in enumerate(values):
@@ -163,12 +172,11 @@ def _cycles(
         share = above * peak / np.maximum(np.arccos(0.8) * stroke, 1e-300)
         sine = (SINE[0] < share) & (share < SINE[1])
     best: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))
+    strokes, pair = stroke.tolist(), _alike(peak) & sine[:-1] & sine[1:] if stroke.size else sine
     for first in range(stroke.size):
         pairs: list[int] = []
         for i in range(first, stroke.size - 1, 2):
-            same = abs(stroke[i : i + 2] / stroke[first] - 1.0).max() < EQUAL
-            even = abs(peak[i] / peak[i + 1] - 1.0) < EQUAL
-            if not (same and even and sine[i] and sine[i + 1]):
+            if not (pair[i] and all(abs(x / strokes[first] - 1.0) < EQUAL for x in strokes[i : i + 2])):
                 break
             pairs.append(i)
             level = 0.5 * (peak[pairs] + peak[np.array(pairs) + 1])
@@ -180,6 +188,11 @@ def _cycles(
             edges = np.stack([time[turn[start]], time[turn[start + 2]]], axis=1)
             best = edges, 0.5 * (peak[start] + peak[start + 1])
     return best
+
+
+def _alike(peak: np.ndarray) -> np.ndarray:
+    """Return whether each peak speed is nearly that of the next, (k - 1,)."""
+    return np.abs(peak[:-1] / np.maximum(peak[1:], 1e-300) - 1.0) < EQUAL
 
 
 def _grows(level: np.ndarray) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
+from backdrive.logs.angles import sine_cosine
 from backdrive.model import Estimate
 
 #: Term -> unit for a rotary and for a linear joint; those of an axis with its drive and of where its motion starts among them.
@@ -87,5 +88,9 @@ def column(motion: Any, term: str) -> np.ndarray:
 
 def columns(motion: Any, terms: Iterable[str]) -> np.ndarray:
     """Return the columns of some terms of `RIGID`, one a row, (k, n)."""
-    rows: Sequence[np.ndarray] = [column(motion, term) for term in terms]
+    wanted = list(terms)
+    pulls: dict[str, np.ndarray] = {}
+    if set(GRAVITY) <= set(wanted) and motion.position is not None:
+        pulls = dict(zip(GRAVITY, sine_cosine(motion.position), strict=True))
+    rows: Sequence[np.ndarray] = [pulls[t] if t in pulls else column(motion, t) for t in wanted]
     return np.array(rows).reshape(len(rows), len(motion.torque))

@@ -6,6 +6,7 @@ what the sampling cannot resolve, without bias of the fit.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache, lru_cache
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from backdrive.errors import InvalidInput
 
 SHORT = 1 << 16  # the gains of up to so many samples are kept for the next series [sample]
+AT_ONCE = 4  # series that are transformed together; more would not fit the cache
 ODD = tuple(3**i * 5**j for i in range(20) for j in range(14))  # odd factors of lengths that transform fast
 
 
@@ -35,6 +37,26 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
         InvalidInput: cutoff or rate are not positive, or there are too few samples to filter.
     """
     x = np.asarray(x, dtype=np.float64)
+    if x.ndim == 1:
+        return low_pass_rows(x[None], cutoff, rate, order)[0]
+    rows = low_pass_rows(x.reshape(x.shape[0], -1).T, cutoff, rate, order)
+    return np.ascontiguousarray(rows.T).reshape(x.shape)
+
+
+def low_pass_rows(
+    rows: Sequence[np.ndarray] | np.ndarray, cutoff: float, rate: float, order: int = 4
+) -> np.ndarray:
+    """Return what `low_pass` makes of series of equal length, (k, n); together they take two thirds of the time.
+
+    Args:
+        rows: uniform samples of each series, (k, n).
+        cutoff: corner frequency of one pass [Hz].
+        rate: sampling frequency [Hz].
+        order: of one pass.
+
+    Raises:
+        InvalidInput: as `low_pass`.
+    """
     if not (cutoff > 0 and rate > 0):
         raise InvalidInput(f"cutoff = {cutoff} Hz at rate = {rate} Hz.", remedy="Both must be positive.")
     if not cutoff > 1e-12 * rate:
@@ -42,17 +64,22 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
             f"cutoff = {cutoff:g} Hz at rate = {rate:g} Hz: the filter would remove everything.",
             remedy="Give a higher one.",
         )
-    if cutoff >= 0.45 * rate:
-        return x.copy()
-    if x.shape[0] < 2:
-        raise InvalidInput(f"{x.shape[0]} samples are too few to filter.", remedy="Give a longer log.")
-    pad = min(round(3 * rate / cutoff), x.shape[0] - 1)
-    n = fft_length(x.shape[0] + 2 * pad)
+    size = len(rows[0]) if len(rows) else 0
+    if cutoff >= 0.45 * rate or not len(rows):
+        return np.array(rows, dtype=np.float64)
+    if size < 2:
+        raise InvalidInput(f"{size} samples are too few to filter.", remedy="Give a longer log.")
+    pad = min(round(3 * rate / cutoff), size - 1)
+    n = fft_length(size + 2 * pad)
     gain = (_gain if n <= SHORT else _gain.__wrapped__)(n, cutoff / rate, order)
-    if x.ndim == 1:
-        return _filter_column(x, gain, pad, n)
-    columns = [_filter_column(column, gain, pad, n) for column in x.reshape(x.shape[0], -1).T]
-    return np.stack(columns, axis=1).reshape(x.shape)
+    result, step = np.empty((len(rows), size)), AT_ONCE if n <= SHORT else 1
+    for k in range(0, len(rows), step):
+        x = np.asarray(rows[k : k + step], dtype=np.float64)
+        spectrum = spectrum_of(x, pad, n)
+        spectrum *= gain
+        filtered = np.fft.irfft(spectrum, n)[:, pad : pad + size]
+        np.add(filtered, 0.5 * (x[:, :1] + x[:, -1:]), out=result[k : k + step])
+    return result
 
 
 @lru_cache(maxsize=16)
@@ -75,25 +102,26 @@ def power_gain(frequency: np.ndarray, cutoff: float, order: int = 4) -> np.ndarr
     return 1.0 / (1.0 + power)
 
 
-def _filter_column(x: np.ndarray, gain: np.ndarray, pad: int, n: int) -> np.ndarray:
-    """Filter one column in the frequency domain."""
-    return np.fft.irfft(spectrum_of(x, pad, n) * gain, n)[pad : pad + x.size] + 0.5 * (x[0] + x[-1])
-
-
 def spectrum_of(x: np.ndarray, pad: int, n: int) -> np.ndarray:
-    """Return the transform of a series whose ends are continued by point reflection, (n // 2 + 1,).
+    """Return the transform of series whose ends are continued by point reflection, (..., n // 2 + 1).
 
     The mean of the two end values is subtracted first.
 
     Args:
-        x: uniform samples, (m,).
+        x: uniform samples, (..., m).
         pad: samples by which each end is continued.
         n: length of the circle, at least m + 2 pad.
     """
-    middle = 0.5 * (x[0] + x[-1])  # what lies between the two continued ends on the circle
-    extended = np.concatenate([2 * x[0] - x[pad:0:-1], x, 2 * x[-1] - x[-2 : -pad - 2 : -1]])
-    ramp = np.linspace(float(extended[-1]), float(extended[0]), n - extended.size + 2)[1:-1]
-    return np.fft.rfft(np.concatenate([extended, ramp]) - middle)
+    m, first, last = x.shape[-1], x[..., :1], x[..., -1:]
+    circle = np.empty((*x.shape[:-1], n))
+    circle[..., :pad] = 2 * first - x[..., pad:0:-1]
+    circle[..., pad : pad + m] = x
+    circle[..., pad + m : 2 * pad + m] = 2 * last - x[..., -2 : -pad - 2 : -1]
+    rest = n - m - 2 * pad  # a line back to the beginning
+    begin, end = circle[..., 2 * pad + m - 1 : 2 * pad + m], circle[..., :1]
+    circle[..., 2 * pad + m :] = np.arange(1, rest + 1) * ((end - begin) / (rest + 1)) + begin
+    circle -= 0.5 * (first + last)  # what lies between the two continued ends on the circle
+    return np.fft.rfft(circle)
 
 
 @cache

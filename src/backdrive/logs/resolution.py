@@ -8,6 +8,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from backdrive.logs.log import Log
+from backdrive.logs.quantiles import median
 
 COARSE = 3.0  # least step, in units of the last decimal, that can be distinguished from rounding
 FEWEST_LEVELS = 6  # least number of level differences to detect a step
@@ -37,16 +38,6 @@ def encoder_step(log: Log) -> float:
 def white_noise(x: np.ndarray) -> float:
     """Return the standard deviation of the sample-to-sample noise of a signal (m,)."""
     return median(np.abs(np.diff(x, 2))) / (0.6745 * np.sqrt(6)) if x.size > 2 else 0.0
-
-
-def median(x: np.ndarray) -> float:
-    """Return the median as `np.median` does, in half the time; numbers are sorted in place, there is one at least, (m,)."""
-    half = x.size // 2
-    x.partition(half)
-    upper = float(x[half:].max())  # NaN comes last
-    if np.isnan(upper):
-        return upper
-    return float(x[half]) if x.size % 2 else 0.5 * (float(x[:half].max()) + float(x[half]))
 
 
 def resolution(values: np.ndarray) -> float:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
+from backdrive.logs.angles import sine_cosine
 from backdrive.logs.health._exam import Exam, once
-from backdrive.logs.resolution import median
+from backdrive.logs.quantiles import median, quantile
 
 #: Length of each running mean, and the fewest samples: before the terms are made, and after.
 _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
@@ -75,7 +75,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         smooth = running(running(raw, light), heavy)
         bends.append(np.abs(np.diff(raw, 2)))
         at = np.arange(reach, len(smooth) - reach, every)
-        terms.append(np.column_stack([sparse(each[number], heavy, reach), *others]))
+        terms.append(np.column_stack([sparse(each[number], heavy, reach).T, *others]))
         torque.append(smooth[at[:, None] + shifts])
         fast.append(slow[at] == slow[at + 3 * heavy - 2])  # none of the samples that the means reach
     m = sum(part.shape[0] for part in terms)
@@ -100,25 +100,25 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
 def _pull(exam: Exam, j: int, reach: int) -> list[np.ndarray] | None:
     """Return a joint's acceleration by block at the instants of `motion`, as a term of all other joints."""
     path, heavy = _path(exam, j), _widths(exam.period)[1]
-    return None if path is None else [sparse(a, heavy, reach) if a.size else a for _, _, a in path]
+    return None if path is None else [sparse(a[None], heavy, reach)[0] if a.size else a for _, _, a in path]
 
 
 @once
 def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
-    """Return a joint's own terms of `Motion` by block before the heavy means, (n, p) each, how many are plain, its top speed."""
+    """Return a joint's own terms of `Motion` by block before the heavy means, (p, n) each, how many are plain, its top speed."""
     own = _path(exam, j) or []
     all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
-    top = max(float(np.quantile(np.abs(all_v), 0.99)), 1e-12)
+    top = max(quantile(np.abs(all_v), 0.99), 1e-12)
     middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
     wide = exam.log.joints[j].unit == "rad" and span > 0.5
     parts: list[np.ndarray] = []
     plain = 0
     for q, v, a in own:
         columns = [a, np.sign(v), v, np.ones_like(v)]
-        columns += [np.sin(q - middle), np.cos(q - middle)] if wide else [q - middle] if span > 0 else []
+        columns += [*sine_cosine(q - middle)] if wide else [q - middle] if span > 0 else []
         plain = len(columns)
         columns += [v * np.abs(v), np.sign(v) * np.exp(-np.abs(v) / (0.05 * top))]
-        parts.append(np.stack(columns, axis=1))
+        parts.append(np.array(columns))
     return parts, plain, top
 
 
@@ -141,11 +141,11 @@ def lagging(exam: Exam, j: int, reach: int, seconds: float) -> tuple[np.ndarray,
     for number, own in enumerate(each):
         if not own.size:
             continue
-        x = np.column_stack([own, *(path[number][2] for path in others)])
-        late = lfilter([gain], [1.0, gain - 1.0], x, axis=0, zi=(1.0 - gain) * x[:1])[0]
-        filtered = sparse(late, heavy, reach)
+        x = np.vstack([own, *(path[number][2] for path in others)])
+        late = lfilter([gain], [1.0, gain - 1.0], x, axis=1, zi=(1.0 - gain) * x[:, :1])[0]
+        filtered = sparse(late, heavy, reach).T
         at = reach + heavy // 2 * np.arange(len(filtered))
-        slow = np.concatenate([[0], np.cumsum(np.abs(x[:, 2]) < SLOW * top)])
+        slow = np.concatenate([[0], np.cumsum(np.abs(x[2]) < SLOW * top)])
         parts.append(filtered)
         forgotten.append(slow[np.maximum(at - memory, 0)] == slow[at + 3 * heavy - 2])
     return np.concatenate(parts), np.concatenate(forgotten)
@@ -168,7 +168,7 @@ def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:
         z = np.zeros((q.size, widths.size))
         for k, step in enumerate(np.diff(q).tolist(), start=1):
             z[k] = np.minimum(np.maximum(z[k - 1] + step, -widths), widths)
-        parts.append(sparse(z / widths, heavy, reach))
+        parts.append(sparse((z / widths).T, heavy, reach).T)
     return np.concatenate(parts)
 
 
@@ -213,10 +213,21 @@ def running(x: np.ndarray, width: int) -> np.ndarray:
 
 
 def sparse(x: np.ndarray, width: int, reach: int) -> np.ndarray:
-    """Return the rows of `running` at the instants of `motion`, (m, ...): half a width apart, none within `reach` of the ends."""
-    offset, weights = x[0], _weights(width)
-    windows = sliding_window_view(x - offset, weights.size, axis=0)
-    return windows[reach : len(windows) - reach : width // 2] @ weights + offset
+    """Return what `running` makes of rows (k, n) at the instants of `motion`, (k, m): half a width apart, none within `reach` of
+    the ends.
+
+    The samples of each half width are weighted by what they count in every window that they are part of; then windows add up.
+    """
+    offset, weights, step = x[:, :1], _weights(width), width // 2
+    parts, room = -(-weights.size // step), x.shape[1] - weights.size + 1 - 2 * reach
+    m = max(-(-room // step), 0)
+    held = np.zeros((x.shape[0], (m + parts - 1) * step))
+    reached = x[:, reach : reach + held.shape[1]]
+    np.subtract(reached, offset, out=held[:, : reached.shape[1]])
+    share = np.zeros(parts * step)
+    share[: weights.size] = weights
+    sums = held.reshape(x.shape[0], -1, step) @ share.reshape(parts, step).T
+    return sum(sums[:, k : k + m, k] for k in range(parts)) + offset
 
 
 def _weights(width: int) -> np.ndarray:

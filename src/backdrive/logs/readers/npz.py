@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import zipfile
 from typing import Any
 
@@ -9,6 +10,13 @@ import numpy as np
 
 from backdrive.errors import FileTooLarge, ForbiddenContent, IncompleteFile, ReadError
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
+
+PIECE = 1 << 16  # read at a time: larger buffers would each be mapped anew, page by page [B]
+
+
+def prepare() -> None:
+    """Load what names of members are decoded with."""
+    codecs.lookup("cp437")
 
 
 def read(path: str, options: ReadOptions) -> Columns:
@@ -82,7 +90,7 @@ def _array(stream: Any, name: str, declared: int) -> np.ndarray:
     if count:
         view, at = value.view(np.uint8).data, 0
         while at < len(view):
-            got = stream.readinto(view[at : at + (1 << 20)])
+            got = stream.readinto(view[at : at + PIECE])
             if not got:
                 raise IncompleteFile(
                     f"Array '{name}' ends after {at} of {len(view)} bytes.", remedy="Save it again."
