@@ -12,7 +12,6 @@ from backdrive.identification.ramp import is_ramp
 from backdrive.identification.runs import LEAST_RUNS, whole_run
 from backdrive.identification.sweep_windows import find_windows
 from backdrive.logs.log import Log
-from backdrive.logs.quantiles import quantile
 
 #: Method -> what it needs, in words.
 METHODS: dict[str, str] = {
@@ -55,9 +54,9 @@ def _travel(log: Log) -> np.ndarray:
     """Distance travelled by each joint, without single outliers [rad or m], (J,)."""
     if log.position is not None:
         columns = [x[~np.isnan(x)] for x in log.position.T]
-        return np.array([quantile(x, 0.995) - quantile(x, 0.005) if x.size else np.nan for x in columns])
+        return np.array([np.subtract(*np.quantile(x, (0.995, 0.005))) if x.size else np.nan for x in columns])
     columns = [x[~np.isnan(x)] for x in np.abs(log.need("velocity")).T]
-    return np.array([quantile(x, 0.99) if x.size else np.nan for x in columns]) * log.duration
+    return np.array([np.quantile(x, 0.99) if x.size else np.nan for x in columns]) * log.duration
 
 
 def own_turn(log: Log, joint: str) -> Log:

@@ -8,7 +8,6 @@ import numpy as np
 
 from backdrive.identification.regression import long_run
 from backdrive.identification.signals import Signals
-from backdrive.logs.quantiles import quantile
 from backdrive.model import Band, Bands
 
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
@@ -31,7 +30,7 @@ def bands_of(parts: Sequence[Part]) -> Bands:
     for i, name in enumerate(("moving", "reversing", "rest")):
         errors = error[(state == i) & np.isfinite(error)]
         if errors.size >= LEAST:
-            bands[name] = Band(half_width=quantile(errors, SHARE), samples=errors.size)
+            bands[name] = Band(half_width=float(np.quantile(errors, SHARE)), samples=errors.size)
     return Bands(**bands)
 
 

@@ -23,7 +23,6 @@ from backdrive.identification.motion_bins import (
 )
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
-from backdrive.logs.angles import sine_cosine
 
 MARGIN = 0.2  # delays up to this are reached without new arrays [s]
 
@@ -57,7 +56,7 @@ class DelayStretch:
         np.negative(filters.low_pass(s.jerk, of_jerk, s.rate), out=series[1])
         if s.position is not None:
             position = filters.low_pass(s.position, corner, s.rate)
-            series[2], series[3] = sine_cosine(position)
+            series[2], series[3] = (np.sin(position), np.cos(position))
         self._hold_ends()
 
     def _hold_ends(self) -> None:

@@ -13,7 +13,6 @@ from backdrive.identification.signals import Signals
 from backdrive.identification.terms import GRAVITY, RIGID
 from backdrive.identification.terms import columns as columns_of
 from backdrive.logs import filters
-from backdrive.logs.angles import sine_cosine
 
 #: Columns before the friction basis, in this order.
 COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
@@ -94,7 +93,7 @@ def means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
 def head(s: Signals) -> tuple[np.ndarray, ...]:
     """Return the columns of what is not friction, (n,) each."""
     zero = np.zeros_like(s.velocity)
-    pull = (zero, zero) if s.position is None else sine_cosine(s.position)
+    pull = (zero, zero) if s.position is None else (np.sin(s.position), np.cos(s.position))
     known = zero if s.model_torque is None else s.model_torque
     return s.acceleration, -s.jerk, zero + 1.0, *pull, known
 

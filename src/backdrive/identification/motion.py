@@ -33,7 +33,6 @@ from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.logs.log import Joint, Log
-from backdrive.logs.quantiles import quantile
 from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
@@ -79,7 +78,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         raise NotIdentifiable(
             f"Joint '{joint}' does not move in these logs.", remedy="Name a joint that moves."
         )
-    top = quantile(np.abs(speeds), 99.9 / 100.0)
+    top = np.quantile(np.abs(speeds), 99.9 / 100.0)
     knots = top * np.array(curves.SHARES)
     slowest = slowest_sliding(stretches, knots)
     positions = [s.position for s in stretches if s.position is not None]

@@ -11,7 +11,6 @@ from scipy.linalg import solve_banded
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
-from backdrive.logs.quantiles import median
 
 BIN_TIME = 0.01  # torque and regressors are averaged over this long, at least [s]
 LONGEST_BIN = 0.1  # and at most [s]
@@ -132,7 +131,7 @@ def period_of(moves: Sequence[np.ndarray]) -> float:
         moves: of each stretch, as `moves_of` returns them [s].
     """
     every = np.concatenate(moves)
-    return 2.0 * median(every) if every.size else 0.0
+    return 2.0 * float(np.median(every)) if every.size else 0.0
 
 
 def moves_of(s: Signals) -> np.ndarray:

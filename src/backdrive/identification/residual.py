@@ -19,7 +19,6 @@ from scipy.special import fdtrc
 from backdrive.identification.curves import basis
 from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.logs import filters
-from backdrive.logs.quantiles import median, quantile
 from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
@@ -278,7 +277,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     parts = [part for part in parts if part[0].time.size]
     if not parts:
         return None
-    top = max(quantile(np.abs(s.velocity), 0.995) for s, *_ in parts)
+    top = max(np.quantile(np.abs(s.velocity), 0.995) for s, *_ in parts)
     columns: list[list[Any]] = []
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
@@ -293,8 +292,8 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         columns.append([*means, np.full(n, number), *masks])
         error = (s.torque - predicted)[slides]
         if error.size:
-            error = np.abs(error - median(error.copy()))
-            off = error > WILD * 1.4826 * median(error.copy())
+            error = np.abs(error - np.median(error))
+            off = error > WILD * 1.4826 * np.median(error)
             beside = off[1:] & off[:-1]
             off[1:] &= ~beside
             off[:-1] &= ~beside
@@ -312,7 +311,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         "part",
     )
     joined = [np.concatenate(each) for each in zip(*columns, strict=True)]
-    rate = median(np.array([s.rate for s, *_ in parts]))
+    rate = float(np.median([s.rate for s, *_ in parts]))
     return Residual(
         **dict(zip((*names, "moving", "sliding"), joined, strict=True)),
         period=max(1, round(MEAN * rate)) / rate,

@@ -10,7 +10,6 @@ import numpy as np
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.logs import filters
 from backdrive.logs.log import Log
-from backdrive.logs.quantiles import median, quantile
 
 GAP = 3.5  # an interval of so many periods is a gap; nothing is interpolated across it [period]
 SHORTEST = 50  # a segment between gaps with fewer samples is left out [sample]
@@ -125,7 +124,7 @@ def _prepare(log: Log, joint: str | int, cutoff: float | None) -> list[Signals]:
             f"The median sampling interval is {period} s.", remedy="Repair the time channel (--repair)."
         )
     speed = log.velocity if log.velocity is not None else filters.derivative(log.need("position"), period)
-    top = quantile(np.abs(speed).ravel(), 0.995)
+    top = np.quantile(np.abs(speed).ravel(), 0.995)
     stretches = [
         _segment(log.rows(rows), period, cutoff, top) for rows in between_gaps(log.time, period, SHORTEST)
     ]
@@ -263,7 +262,7 @@ def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
     """Return how far the joint has gone since its last reversal (n,), and the median way between two of them [rad or m]."""
     bounds, way, whole = _ways(s.velocity)
-    return way / s.rate, median(whole[bounds[:-1]]) / s.rate
+    return way / s.rate, float(np.median(whole[bounds[:-1]])) / s.rate
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:

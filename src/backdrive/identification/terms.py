@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
-from backdrive.logs.angles import sine_cosine
 from backdrive.model import Estimate
 
 #: Term -> unit for a rotary and for a linear joint; those of an axis with its drive and of where its motion starts among them.
@@ -91,6 +90,6 @@ def columns(motion: Any, terms: Iterable[str]) -> np.ndarray:
     wanted = list(terms)
     pulls: dict[str, np.ndarray] = {}
     if set(GRAVITY) <= set(wanted) and motion.position is not None:
-        pulls = dict(zip(GRAVITY, sine_cosine(motion.position), strict=True))
+        pulls = dict(zip(GRAVITY, (np.sin(motion.position), np.cos(motion.position)), strict=True))
     rows: Sequence[np.ndarray] = [pulls[t] if t in pulls else column(motion, t) for t in wanted]
     return np.array(rows).reshape(len(rows), len(motion.torque))

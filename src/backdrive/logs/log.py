@@ -16,7 +16,6 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import Drive, Joint, Source, as_joints, check_coupling
-from backdrive.logs.quantiles import median
 from backdrive.logs.values import check_period, read_only
 
 #: Larger numbers are not measurements in any unit, and products of a few of them overflow; an infinity counts as a missing
@@ -202,7 +201,7 @@ class Log:
         Raises:
             InvalidInput: it is above zero and below a picosecond.
         """
-        return check_period(median(np.diff(self.time))) if len(self) > 1 else float("nan")
+        return check_period(float(np.median(np.diff(self.time)))) if len(self) > 1 else float("nan")
 
     @property
     def duration(self) -> float:

@@ -8,7 +8,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from backdrive.logs.log import Log
-from backdrive.logs.quantiles import median
 
 COARSE = 3.0  # least step, in units of the last decimal, that can be distinguished from rounding
 FEWEST_LEVELS = 6  # least number of level differences to detect a step
@@ -37,7 +36,7 @@ def encoder_step(log: Log) -> float:
 
 def white_noise(x: np.ndarray) -> float:
     """Return the standard deviation of the sample-to-sample noise of a signal (m,)."""
-    return median(np.abs(np.diff(x, 2))) / (0.6745 * np.sqrt(6)) if x.size > 2 else 0.0
+    return float(np.median(np.abs(np.diff(x, 2)))) / (0.6745 * np.sqrt(6)) if x.size > 2 else 0.0
 
 
 def resolution(values: np.ndarray) -> float:

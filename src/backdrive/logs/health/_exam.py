@@ -10,7 +10,6 @@ import numpy as np
 
 from backdrive.logs.health._survey import Survey, survey
 from backdrive.logs.log import Log, check_period
-from backdrive.logs.quantiles import median, quantile
 from backdrive.logs.resolution import resolution
 
 #: An interval this many times longer than usual is a gap.
@@ -60,7 +59,7 @@ class Exam:
         """Median interval [s]; NaN where there is none that is positive."""
         steps = self.steps[:: max(1, self.steps.size // _SAMPLES)]
         steps = steps[steps > 0]
-        return check_period(median(steps)) if steps.size else float("nan")
+        return check_period(float(np.median(steps))) if steps.size else float("nan")
 
     @cached_property
     def gaps(self) -> np.ndarray:
@@ -68,7 +67,7 @@ class Exam:
         steps = self.steps
         if not self.period > 0:
             return np.empty(0, np.intp)
-        usual = quantile(steps[:: max(1, steps.size // _SAMPLES)], 0.9)
+        usual = np.quantile(steps[:: max(1, steps.size // _SAMPLES)], 0.9)
         return np.flatnonzero(steps > GAP * max(self.period, usual)) + 1
 
     @cached_property

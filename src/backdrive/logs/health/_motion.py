@@ -10,9 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.logs.angles import sine_cosine
 from backdrive.logs.health._exam import Exam, once
-from backdrive.logs.quantiles import median, quantile
 
 #: Length of each running mean, and the fewest samples: before the terms are made, and after.
 _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
@@ -82,7 +80,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     if m < 4 * _FOLDS:
         return None
     # white noise of variance s2 has second differences of variance 6 s2; friction's steps hardly touch their median
-    white = (median(np.concatenate(bends)) / 0.6745) ** 2 / 6
+    white = (np.median(np.concatenate(bends)) / 0.6745) ** 2 / 6
     columns = np.concatenate(terms)
     return Motion(
         terms=columns,
@@ -108,14 +106,14 @@ def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
     """Return a joint's own terms of `Motion` by block before the heavy means, (p, n) each, how many are plain, its top speed."""
     own = _path(exam, j) or []
     all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
-    top = max(quantile(np.abs(all_v), 0.99), 1e-12)
+    top = max(np.quantile(np.abs(all_v), 0.99), 1e-12)
     middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
     wide = exam.log.joints[j].unit == "rad" and span > 0.5
     parts: list[np.ndarray] = []
     plain = 0
     for q, v, a in own:
         columns = [a, np.sign(v), v, np.ones_like(v)]
-        columns += [*sine_cosine(q - middle)] if wide else [q - middle] if span > 0 else []
+        columns += [np.sin(q - middle), np.cos(q - middle)] if wide else [q - middle] if span > 0 else []
         plain = len(columns)
         columns += [v * np.abs(v), np.sign(v) * np.exp(-np.abs(v) / (0.05 * top))]
         parts.append(np.array(columns))
