@@ -11,7 +11,7 @@ from datetime import date
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.fleet import changes
+from backdrive.fleet import autocorrelation, changes
 from backdrive.fleet.history import PARTS, History, date_of, number_of
 
 RATE = 0.05  # accepted share of false alarms among the named joints [-]
@@ -106,14 +106,14 @@ def drifts(
         return result
     common = _siblings([joints[i] for i in long])
     designs = [_design(joints[i], common.get(key_of(joints[i]))) for i in long]
-    values = [changes.cut_outliers(_logarithms(joints[i])) for i in long]
+    values = [autocorrelation.cut_outliers(_logarithms(joints[i])) for i in long]
     found = [
-        changes.correlation(joints[i].day, v[:, :1], d)
+        autocorrelation.correlation(joints[i].day, v[:, :1], d)
         for i, v, (d, _) in zip(long, values, designs, strict=True)
     ]
     sizes = np.array([v.shape[0] for v in values])
     middle = int(np.argsort(sizes)[sizes.size // 2])
-    rho = changes.true_correlation(
+    rho = autocorrelation.true_correlation(
         np.hstack(found), joints[long[middle]].day, designs[middle][0], sizes, seed + 1
     )
     whitened = [
@@ -198,7 +198,8 @@ def _probabilities(every: Sequence[changes.Series], seed: int) -> tuple[np.ndarr
         found = changes.largest(W, residual)
         parts[i] = int(np.argmax(found))
         observed[i] = changes.statistic(found.max(), one.freedom)
-        flipped = changes.flip_signs(residual, one.base, draws, count)
+        plain = changes.without_change(W, residual, one.freedom)
+        flipped = changes.flip_signs(plain, one.base, draws, count)
         n, P, _ = flipped.shape
         null[i] = changes.statistic(
             changes.largest(W, flipped.reshape(n, -1)).reshape(P, count).max(axis=0), one.freedom
@@ -211,7 +212,7 @@ def _probabilities(every: Sequence[changes.Series], seed: int) -> tuple[np.ndarr
 def _warmth(one: changes.Series, season: str) -> float:
     if season != "temperature":
         return float("nan")
-    X = changes.whitener(one.day, one.rho)(one.design)
+    X = autocorrelation.whitener(one.day, one.rho)(one.design)
     return float(np.linalg.lstsq(X, one.y[:, 0], rcond=None)[0][1])
 
 
