@@ -92,6 +92,18 @@ def test_the_correlation_is_that_from_day_to_day(every):
     assert np.median(rho) == pytest.approx(0.6, abs=0.1)
 
 
+def test_flipped_signs_keep_the_variance_that_the_base_took():
+    day, draws = np.arange(180.0), np.random.default_rng(4)
+    slow = np.column_stack([np.ones(180), np.cos(2 * np.pi * day / 365)])
+    ratios = []
+    for _ in range(200):
+        one = changes.series(day, draws.standard_normal((180, 1)), slow, 0.0)
+        W = changes.directions(one, changes.onsets(day, changes.GRID))
+        flipped = changes.flip_signs(one.residual(), one.base, draws, 50)[:, 0]
+        ratios.append(np.mean((W.T @ flipped) ** 2))
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.02)
+
+
 def onset(size, shape, seed):
     """Date a change on day 120 of 180 of an AR(1) series with a standard deviation of 2 %."""
     day, ones = np.arange(180.0), np.ones((180, 1))
