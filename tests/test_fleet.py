@@ -1,6 +1,7 @@
 """A fleet's run: what is listed, done, kept, refused; all in one process but one run on a cluster."""
 
 import json
+import logging
 import os
 from datetime import date
 from types import SimpleNamespace
@@ -150,6 +151,34 @@ def test_copies_count_once_and_a_renamed_robot_keeps_its_history(logs, tmp_path,
     assert "robot001" not in robots
 
 
+def test_a_robot_that_shares_one_copy_is_not_taken_for_a_renamed_one(logs, tmp_path, here):
+    import shutil
+
+    mine, place = tmp_path / "logs", tmp_path / "r"
+    shutil.copytree(logs, mine)
+    shutil.copy(mine / "robot001" / "2026-01-30.npz", mine / "robot000" / "2026-03-30.npz")
+    for robot in ("robot000", "robot001"):
+        (mine / robot / "2026-03-31.npz").write_bytes(b"")
+    run_fleet(mine, place)
+    assert Store.open(place).table(failures=True).num_rows == 4  # empty files are no copies of each other
+    shutil.rmtree(mine / "robot001")
+    assert run_fleet(mine, place).sentences == ()
+    assert Store.open(place).names == {}
+
+
+def test_of_copies_that_with_a_possible_day_counts(logs, tmp_path, here):
+    import shutil
+
+    mine, place = tmp_path / "logs", tmp_path / "r"
+    shutil.copytree(logs, mine)
+    shutil.copy(mine / "robot000" / "2026-01-30.npz", mine / "robot000" / "1970-01-01.npz")
+    run_fleet(mine, place)
+    assert len(status(place)["copies"]) == 1
+    assert status(place)["copies"][0][0].endswith("2026-01-30.npz")
+    assert date(2026, 1, 30) in Store.open(place).table().column("day").to_pylist()
+    assert date(1970, 1, 1) not in Store.open(place).table().column("day").to_pylist()
+
+
 def test_two_writers_of_one_log_leave_one_row(results, logs, tmp_path, here):
     place = tmp_path / "r"
     run_fleet(logs, place, batch=5)
@@ -252,10 +281,18 @@ def test_addresses_of_clusters():
         with pytest.raises(InvalidInput, match="no address"):
             clusters.check_address(address, insecure=True)
     with (
+        pytest.raises(InvalidInput, match=r"^tls://127.0.0.1:1 needs certificates"),
+        clusters.remote_client("tls://127.0.0.1:1", clusters.Credentials()),
+    ):
+        pass
+    with (
         pytest.raises(InvalidInput, match="No scheduler answers"),
         clusters.remote_client("tcp://127.0.0.1:1", clusters.Credentials()),
     ):
         pass
+    assert not logging.getLogger("distributed.client").isEnabledFor(
+        logging.ERROR
+    )  # no traceback of a lost one
 
 
 def test_results_of_another_schema(results, tmp_path, monkeypatch):
@@ -343,6 +380,8 @@ def test_sql_sees_the_tables_and_nothing_else(results, tmp_path):
         with pytest.raises(InvalidInput):
             run_query(results, sql)
     assert sorted(os.listdir(tmp_path)) == ["secret.csv"]
+    with pytest.raises(InvalidInput, match=r"No answer within 0.2 s"):
+        run_query(results, "SELECT count(*) FROM range(1000000000) a, range(1000000000) b", seconds=0.2)
 
 
 def test_commands(results, logs, tmp_path):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, ModelFileError, UnknownName
-from backdrive.fleet import changes
+from backdrive.fleet import autocorrelation, changes
 from backdrive.fleet.drift import benjamini_hochberg, drifts
 from backdrive.fleet.history import History, date_of, number_of
 from backdrive.fleet.page import write_page
@@ -32,6 +32,12 @@ def joints_of(fleet: FleetSimulation, **changes) -> list[History]:
         )
         for r in range(fleet.robots)
     ]  # fmt: skip
+
+
+def thin(one: History, every: int) -> History:
+    """Return a history of only every n-th day."""
+    parts = ("day", "constant", "viscous", "temperature", "path")
+    return History(**{**one.__dict__, **{name: getattr(one, name)[::every] for name in parts}})
 
 
 @pytest.fixture(scope="module")
@@ -60,6 +66,59 @@ def test_wear_and_an_exchange_are_named_and_nothing_else(judged, fleet):
     assert judged[0].warmth == pytest.approx(-0.15 / 12, rel=0.15)
     assert "growing" in wear.sentence
     assert "stepped" in exchange.sentence
+
+
+def test_many_ramps_do_not_hide_each_other():
+    """The draws without a change are made of the joints' residuals, which a tenth of ramps must not inflate."""
+    wear = [Event(kind="wear", robot=r, joint=0, day=80, size=0.15, length=70) for r in range(20)]
+    fleet = FleetSimulation(robots=200, days=DAYS, events=wear, seed=21)
+    named = np.array([one.named for one in drifts([thin(one, 3) for one in joints_of(fleet)])])
+    assert named[:20].sum() >= 18
+    assert named[20:].sum() <= 4
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_the_correlation_is_that_from_day_to_day(every):
+    quiet = [thin(one, every) for one in joints_of(FleetSimulation(robots=200, days=360, seed=5))]
+    values = [np.log(one.level)[:, None] for one in quiet]
+    design = [
+        np.column_stack([np.ones(one.day.size), one.temperature - one.temperature.mean()]) for one in quiet
+    ]
+    estimates = [
+        autocorrelation.correlation(one.day, v, d) for one, v, d in zip(quiet, values, design, strict=True)
+    ]
+    sizes = np.full(200, quiet[0].day.size)
+    rho = autocorrelation.true_correlation(np.hstack(estimates), quiet[0].day, design[0], sizes, 0)
+    assert np.median(rho) == pytest.approx(0.6, abs=0.1)
+
+
+def test_flipped_signs_keep_the_variance_that_the_base_took():
+    day, draws = np.arange(180.0), np.random.default_rng(4)
+    slow = np.column_stack([np.ones(180), np.cos(2 * np.pi * day / 365)])
+    ratios = []
+    for _ in range(200):
+        one = changes.series(day, draws.standard_normal((180, 1)), slow, 0.0)
+        W = changes.directions(one, changes.onsets(day, changes.GRID))
+        flipped = changes.flip_signs(one.residual(), one.base, draws, 50)[:, 0]
+        ratios.append(np.mean((W.T @ flipped) ** 2))
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.02)
+
+
+def onset(size, shape, seed):
+    """Date a change on day 120 of 180 of an AR(1) series with a standard deviation of 2 %."""
+    day, ones = np.arange(180.0), np.ones((180, 1))
+    noise = FleetSimulation.ar1_noise(np.random.default_rng(seed), (180,), 0.6)[:, None]
+    ramp, step = changes.shapes(day, np.array([120.0]))
+    return changes.date_change(changes.series(day, size * (ramp, step)[shape] + 0.02 * noise, ones, 0.6), 0)
+
+
+def test_a_ramp_is_not_surely_a_step_and_intervals_hold_the_begin():
+    ramps = [onset(0.05, 0, seed) for seed in range(100)]
+    steps = [onset(0.05, 1, seed) for seed in range(100)]
+    assert sum(one.sure and one.shape == "step" for one in ramps) <= 4
+    assert sum(one.sure and one.shape == "ramp" for one in steps) <= 10
+    for some in (ramps, steps):
+        assert sum(one.interval[0] <= 120 <= one.interval[1] for one in some) >= 90
 
 
 def test_since_names_later_changes_only(fleet):
@@ -104,7 +163,7 @@ def test_whitening_leaves_white_noise():
     for i in range(1, 400):
         carry = 0.7 ** (day[i] - day[i - 1])
         e[i] = carry * e[i - 1] + np.sqrt(1 - carry**2) * draws.normal(size=50)
-    w = changes.whitener(day, 0.7)(e)
+    w = autocorrelation.whitener(day, 0.7)(e)
     assert np.mean(w[1:] * w[:-1]) / np.mean(w**2) == pytest.approx(0.0, abs=0.02)
     assert np.var(w[1:200]) == pytest.approx(np.var(w[200:]), rel=0.1)
     assert np.var(w) == pytest.approx(1 - 0.49, rel=0.05)
@@ -113,8 +172,8 @@ def test_whitening_leaves_white_noise():
 def test_single_wild_days_are_brought_near():
     values = np.random.default_rng(2).normal(size=(60, 1))
     values[30] = 100.0
-    assert abs(changes.cut_outliers(values)[30, 0]) < 15.0
-    assert np.array_equal(changes.cut_outliers(np.ones((20, 2))), np.ones((20, 2)))
+    assert abs(autocorrelation.cut_outliers(values)[30, 0]) < 15.0
+    assert np.array_equal(autocorrelation.cut_outliers(np.ones((20, 2))), np.ones((20, 2)))
 
 
 def test_a_robot_unlike_its_siblings_is_named(fleet):

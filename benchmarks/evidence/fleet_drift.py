@@ -73,10 +73,11 @@ def changed(judge: Judge, seed: int, fleets: int, joints: int) -> None:
     judge.that(f"found {100 * np.mean(found):.1f} % of what ramps (at least 90)", np.mean(found) >= 0.9)
     judge.that(f"mean share of false {100 * np.mean(false):.2f} % (at most 6)", np.mean(false) <= 0.06)
     near, covered = float(np.mean(np.abs(off) <= 7)), float(np.mean(inside))
-    judge.that(
-        f"onset within 7 days in {100 * near:.0f} % (80), or inside its interval in {100 * covered:.1f} % (90 to 98)",
-        near >= 0.8 or 0.9 <= covered <= 0.98,
-    )
+    sentence = f"onset within 7 days in {100 * near:.0f} % (80), or inside its interval in {100 * covered:.1f} % (90 to 98)"
+    if len(off) < 200:  # one standard error of the share would be more than 1.5 %
+        print(f"  {sentence}: {len(off)} joints are too few to judge")
+    else:
+        judge.that(sentence, near >= 0.8 or 0.9 <= covered <= 0.98)
     print(
         f"  ramps called ramps: {100 * np.mean(shapes):.0f} %; onset off by {np.median(np.abs(off)):.0f} days in the median"
     )
@@ -117,7 +118,8 @@ def siblings(judge: Judge, seed: int, fleets: int) -> None:
     hits, others = 0, 0
     for k in range(fleets):
         drawn = rows(seed + k, 40, 0.0)
-        drawn["constant"][7] *= 1.35 * 3.0 / np.median(drawn["constant"][7])
+        typical = np.median(drawn["constant"], axis=1)
+        drawn["constant"][7] *= 1.35 * np.delete(typical, 7).mean() / typical[7]
         apart = outliers(joints_of(drawn))
         hits += any(one.robot == "r0007" for one in apart)
         others += len({one.robot for one in apart} - {"r0007"})

@@ -168,12 +168,23 @@ def same(judge: Judge, what: str, results: Path, reference: Path) -> None:
     )
 
 
+def wait_for_work(client: subprocess.Popen, results: Path) -> bool:
+    """Wait until a run writes a further file of results, and return whether it did before it ended."""
+    before = len(list(results.glob("logs/*/*.parquet")))
+    while client.poll() is None:
+        if len(list(results.glob("logs/*/*.parquet"))) > before:
+            return True
+        time.sleep(0.05)
+    return False
+
+
 def kills(judge: Judge, place: Path, logs: Path, reference: Path, seed: int, count: int) -> None:
-    """Kill workers, scheduler and client at random moments, and go on until all is done."""
+    """Kill workers, scheduler and client at random moments, most of them while logs are done, and go on until all is done."""
     draws, plant, results = np.random.default_rng(seed), Plant(place), place / "killed"
-    done, told, silent, rounds, finished = 0, 0, 0, 0, False
+    killed: dict[str, int] = {"worker": 0, "scheduler": 0, "client": 0}
+    told, silent, rounds, busy, finished = 0, 0, 0, 0, False
     try:
-        while (done < count or not finished) and rounds < 4 * count + 20:
+        while (sum(killed.values()) < count or not finished) and rounds < 4 * count + 20:
             rounds += 1
             if finished:  # all was done before all were killed: once more from nothing
                 shutil.rmtree(results)
@@ -183,23 +194,19 @@ def kills(judge: Judge, place: Path, logs: Path, reference: Path, seed: int, cou
                 command(logs, results, "--cluster", plant.address, *plant.tls(file="")),
                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             )  # fmt: skip
-            while client.poll() is None and done < count:
-                time.sleep(float(draws.uniform(0.5, 4.0)))
+            while client.poll() is None and sum(killed.values()) < count:
+                works = draws.random() < 0.75 and wait_for_work(client, results)
+                time.sleep(float(draws.uniform(0.0, 1.0 if works else 4.0)))
                 if client.poll() is not None:
                     break
-                victim = draws.choice(["worker", "worker", "scheduler", "client"])
-                process = (
-                    client
-                    if victim == "client"
-                    else plant.scheduler
-                    if victim == "scheduler"
-                    else plant.workers[0]
-                )
+                victim = str(draws.choice(["worker", "worker", "scheduler", "client"]))
+                process = {"worker": plant.workers[0], "scheduler": plant.scheduler, "client": client}[victim]
                 assert process is not None
                 if process.poll() is None:
                     process.send_signal(signal.SIGKILL)
                     process.wait()
-                    done += 1
+                    killed[victim] += 1
+                    busy += works
                 if victim != "worker":
                     break
                 plant.mend()
@@ -212,9 +219,13 @@ def kills(judge: Judge, place: Path, logs: Path, reference: Path, seed: int, cou
             if client.returncode not in (0, -signal.SIGKILL):
                 told += client.returncode == 2 and text.startswith("backdrive: ")
                 silent += "Traceback" in text or client.returncode == 4
+                print(f"  exit {client.returncode}: {text.strip()[:160]}", flush=True)
     finally:
         plant.end()
-    print(f"  {done} kills in {rounds} runs, {told} of them ended with a sentence")
+    print(
+        f"  killed: {killed}, {busy} while logs were done; {rounds} runs, {told} of them ended with a sentence"
+    )
+    judge.that(f"{sum(killed.values())} of {count} kills", sum(killed.values()) == count)
     judge.that(f"{silent} clients hung or ended with a traceback", silent == 0)
     judge.that("the last run ends well", finished)
     same(judge, "after the kills", results, reference)
@@ -307,7 +318,7 @@ def main() -> None:
     options.add_argument("--kills", type=int, help="in the place of 30")
     given = options.parse_args()
     seed, judge = first_seed(given.seed), Judge()
-    robots, days, count = (3, 6, 2) if given.short else (6, 20, 30)
+    robots, days, count = (3, 6, 2) if given.short else (6, 10, 30)
     count = given.kills or count
     with tempfile.TemporaryDirectory(prefix="fleet-") as scratch:
         place = Path(scratch)

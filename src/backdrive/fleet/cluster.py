@@ -123,6 +123,8 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
     try:
         asyncio.run(_call(distributed, address, security))
         client = distributed.Client(address, security=security, timeout=WAIT)
+    except InvalidInput:
+        raise
     except (TimeoutError, OSError, TypeError, ValueError) as error:
         raise InvalidInput(
             f"No scheduler answers at {address} ({str(error)[:200] or type(error).__name__}).",
@@ -216,6 +218,11 @@ def _quiet() -> Any:
     """Return dask, without its log messages on reconnections and dying workers; the run reports the relevant ones."""
     dask = require("dask", "A fleet needs", "fleet")
     require("distributed", "A fleet needs", "fleet")
-    for name in ("distributed", "tornado", "asyncio"):
+    for name in (
+        "distributed",
+        "distributed.client",
+        "tornado",
+        "asyncio",
+    ):  # the client has a level of its own
         logging.getLogger(name).setLevel(logging.CRITICAL)
     return dask

@@ -11,7 +11,7 @@ from datetime import date
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.fleet import changes
+from backdrive.fleet import autocorrelation, changes
 from backdrive.fleet.history import PARTS, History, date_of, number_of
 
 RATE = 0.05  # accepted share of false alarms among the named joints [-]
@@ -106,14 +106,14 @@ def drifts(
         return result
     common = _siblings([joints[i] for i in long])
     designs = [_design(joints[i], common.get(key_of(joints[i]))) for i in long]
-    values = [changes.cut_outliers(_logarithms(joints[i])) for i in long]
+    values = [autocorrelation.cut_outliers(_logarithms(joints[i])) for i in long]
     found = [
-        changes.correlation(joints[i].day, v[:, :1], d)
+        autocorrelation.correlation(joints[i].day, v[:, :1], d)
         for i, v, (d, _) in zip(long, values, designs, strict=True)
     ]
     sizes = np.array([v.shape[0] for v in values])
     middle = int(np.argsort(sizes)[sizes.size // 2])
-    rho = changes.true_correlation(
+    rho = autocorrelation.true_correlation(
         np.hstack(found), joints[long[middle]].day, designs[middle][0], sizes, seed + 1
     )
     whitened = [
@@ -187,10 +187,14 @@ def _siblings(joints: Sequence[History]) -> dict[tuple[str, str], dict[float, fl
 
 
 def _probabilities(every: Sequence[changes.Series], seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the p-value of every series against flipped ones of all of them, and the part that shows its change best."""
+    """Return the p-value of every series against flipped ones of all of them, and the part that shows its change best.
+
+    The change of a joint that is named with such draws is not in them; that of a joint that is not named is chance, and is.
+    """
     count = int(np.clip(FEWEST // len(every), LEAST, MOST))
     observed, parts = np.empty(len(every)), np.empty(len(every), dtype=int)
     null = np.empty((len(every), count))
+    whole: dict[int, np.ndarray] = {}
     draws = np.random.default_rng(seed)
     for i, one in enumerate(every):
         W = changes.directions(one, changes.onsets(one.day, changes.GRID))
@@ -198,20 +202,28 @@ def _probabilities(every: Sequence[changes.Series], seed: int) -> tuple[np.ndarr
         found = changes.largest(W, residual)
         parts[i] = int(np.argmax(found))
         observed[i] = changes.statistic(found.max(), one.freedom)
-        flipped = changes.flip_signs(residual, one.base, draws, count)
-        n, P, _ = flipped.shape
-        null[i] = changes.statistic(
-            changes.largest(W, flipped.reshape(n, -1)).reshape(P, count).max(axis=0), one.freedom
-        )
+        null[i] = changes.null_statistics(one, W, residual, draws, count)
+        if observed[i] > changes.SUSPECT:
+            whole[i] = null[i].copy()
+            null[i] = changes.null_statistics(one, W, changes.without_change(W, residual), draws, count)
+    q = benjamini_hochberg(_exceedance(observed, null))
+    for i, own in whole.items():
+        if q[i] > RATE:
+            null[i] = own
+    return _exceedance(observed, null), parts
+
+
+def _exceedance(observed: np.ndarray, null: np.ndarray) -> np.ndarray:
+    """Return the share of draws without a change that reach each observed statistic, (m,)."""
     reference = np.sort(null.ravel())
     above = reference.size - np.searchsorted(reference, observed, side="left")
-    return (1.0 + above) / (1.0 + reference.size), parts
+    return (1.0 + above) / (1.0 + reference.size)
 
 
 def _warmth(one: changes.Series, season: str) -> float:
     if season != "temperature":
         return float("nan")
-    X = changes.whitener(one.day, one.rho)(one.design)
+    X = autocorrelation.whitener(one.day, one.rho)(one.design)
     return float(np.linalg.lstsq(X, one.y[:, 0], rcond=None)[0][1])
 
 

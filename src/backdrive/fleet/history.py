@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from backdrive.fleet.status import EARLIEST
+from backdrive.fleet.merging import EARLIEST
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from datetime import date
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,10 +14,12 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 ORDER = ("robot", "joint", "day", "path")
+EARLIEST = date(2000, 1, 1)  # earlier days come from a clock that was not set
 
 
 def once(table: pa.Table, tag: str, names: Mapping[str, str], *, failures: bool) -> pa.Table:
-    """Return each log once: the result of the present options and version, or else the newest; of copies the first path.
+    """Return each log once: the result of the present options and version, or else the newest; of copies the first path with a
+    possible day.
 
     Args:
         table: rows of all batches.
@@ -27,10 +30,10 @@ def once(table: pa.Table, tag: str, names: Mapping[str, str], *, failures: bool)
     pa = require("pyarrow", "A fleet's results need", "fleet")
     pc = require("pyarrow.compute", "A fleet's results need", "fleet")
     other = pc.cast(pc.not_equal(table.column("tag"), tag), pa.int8())
-    table = table.append_column("other", other)
+    table = table.append_column("other", other).append_column("early", is_early(table))
     keys = [("digest", "ascending"), ("other", "ascending"), ("version", "descending"), ("tag", "ascending")]
-    keys += [("path", "ascending"), ("stamp", "ascending"), ("joint", "ascending")]
-    table = table.take(pc.sort_indices(table, sort_keys=keys)).drop_columns(["other"])
+    keys += [("early", "ascending"), ("path", "ascending"), ("stamp", "ascending"), ("joint", "ascending")]
+    table = table.take(pc.sort_indices(table, sort_keys=keys)).drop_columns(["other", "early"])
     n = table.num_rows
     if n:
         digest, of_tag, path, stamp, joint = (
@@ -58,14 +61,21 @@ def _codes(column: Any) -> np.ndarray:
     return encoded.indices.to_numpy(zero_copy_only=False)
 
 
+def is_early(table: pa.Table) -> Any:
+    """Return which rows have a day that a clock that was not set gave, (n,)."""
+    pa = require("pyarrow", "A fleet's results need", "fleet")
+    pc = require("pyarrow.compute", "A fleet's results need", "fleet")
+    early = pc.less(table.column("day"), pa.scalar(EARLIEST, pa.date32()))
+    return pc.cast(pc.fill_null(early, True), pa.int8())
+
+
 def copies(table: pa.Table) -> list[tuple[str, str]]:
     """Return pairs of paths whose files have the same content: the path that is used, and its copy."""
-    pairs = sorted(
-        set(zip(table.column("digest").to_pylist(), table.column("path").to_pylist(), strict=True))
-    )
+    columns = [table.column("digest"), is_early(table), table.column("path")]
+    rows = sorted(set(zip(*(column.to_pylist() for column in columns), strict=True)))
     first: dict[str, str] = {}
     result = []
-    for digest, path in pairs:
+    for digest, _, path in rows:
         if first.setdefault(digest, path) != path:
             result.append((first[digest], path))
     return result

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from threading import Timer
 from typing import Any
 
 from backdrive.errors import InvalidInput, require
 from backdrive.fleet.store import Store
 
 MEMORY = "2GB"
+LONGEST = 30.0  # time for an answer [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +29,7 @@ class Answer:
     more: bool = False
 
 
-def run_query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answer:
+def run_query(folder: str | os.PathLike, sql: str, *, most: int = 1000, seconds: float = LONGEST) -> Answer:
     """Answer one SELECT over the tables `results` and `failures`, whose columns are those of `schema.schema()`.
 
     The tables are loaded first; then DuckDB's access to files, network and extensions is switched off and locked.
@@ -36,14 +38,17 @@ def run_query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answe
         folder: of the results.
         sql: the question.
         most: rows that are returned.
+        seconds: after which a query is given up [s].
 
     Raises:
-        InvalidInput: it is not a single SELECT, is invalid, or reads something outside the tables.
+        InvalidInput: it is not a single SELECT, is invalid, takes too long, or reads something outside the tables.
     """
     duckdb = require("duckdb", "SQL needs", "fleet")
     store = Store.open(folder)
     setting = {"python_enable_replacements": "false", "autoinstall_known_extensions": "false"}
     database = duckdb.connect(":memory:", config=setting | {"autoload_known_extensions": "false"})
+    limit = Timer(seconds, database.interrupt)
+    limit.daemon = True
     try:
         for name, failures in (("results", False), ("failures", True)):
             database.register("arrow_rows", store.table(failures=failures))
@@ -61,15 +66,22 @@ def run_query(folder: str | os.PathLike, sql: str, *, most: int = 1000) -> Answe
             raise InvalidInput(
                 "That is not one SELECT.", remedy="Write a single SELECT; SQL cannot change the results."
             )
+        limit.start()
         cursor = database.execute(sql)
         names = tuple(column[0] for column in cursor.description or ())
         rows = cursor.fetchmany(most + 1)
-    except duckdb.Error as error:
+    except duckdb.InterruptException as error:
         raise InvalidInput(
-            f"{type(error).__name__}: {str(error).strip()[:500]}",
+            f"No answer within {seconds:g} s.", remedy="Ask for less: join on digest and joint, or count."
+        ) from error
+    except duckdb.Error as error:
+        first, *_ = str(error).strip().split("\n")
+        raise InvalidInput(
+            f"{type(error).__name__}: {first[:500]}",
             remedy="Only the tables `results` and `failures` can be queried. Instead of DESCRIBE, use: SELECT * FROM results "
             "LIMIT 1.",
         ) from error
     finally:
+        limit.cancel()
         database.close()
     return Answer(names=names, rows=rows[:most], more=len(rows) > most)

@@ -7,10 +7,9 @@ from collections import Counter
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
-from backdrive.fleet.merging import copies
+from backdrive.fleet.merging import EARLIEST, copies
 from backdrive.fleet.store import Store
 
-EARLIEST = date(2000, 1, 1)  # earlier days come from a clock that was not set
 LISTED = 5  # names in a sentence
 
 
@@ -24,7 +23,7 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
         BackdriveError: there are none, or of a newer schema.
     """
     store = Store.open(folder)
-    results, failures, raw = store.table(), store.table(failures=True), store.raw(["digest", "path"])
+    results, failures, raw = store.table(), store.table(failures=True), store.raw(["digest", "path", "day"])
     robots, logs = set(results.column("robot").to_pylist()), len(set(results.column("path").to_pylist()))
     joints = set(zip(results.column("robot").to_pylist(), results.column("joint").to_pylist(), strict=True))
     days = [d for d in results.column("day").to_pylist() if d is not None]

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 LINE = 20  # speeds at which the line through a curve is taken
 SLOWEST = 0.05  # lower end of these speeds, as a share of the top speed [-]
+UNREAD = "unread:"  # in the place of a digest, before the path of a log without one
 MOST_TEXT = 2000  # of a message or a warning [characters]
 
 
@@ -87,7 +88,7 @@ def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
             try:
                 result = _identify_log(path, options)
             except Exception:
-                digest = _digest(path)
+                digest = _digest(path) if entry.size else ""  # empty files are no copies of each other
                 raise
             digest = result.model.sources[0].sha256
             check_for_changes(entry)
@@ -105,7 +106,7 @@ def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def failure(entry: LogEntry, kind: str, message: str, remedy: str = "", digest: str = "") -> dict[str, Any]:
     """Return the row of a log that has no result."""
-    return _about(entry, digest or f"unread:{entry.path}") | {
+    return _about(entry, digest or UNREAD + entry.path) | {
         "joint": "",
         "failure": kind,
         "message": message.replace(str(Path(entry.path)), Path(entry.path).name)[:MOST_TEXT],
