@@ -100,7 +100,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
 
-    def delayed(delay: float) -> list[Signals]:
+    def shift(delay: float) -> list[Signals]:
         return [delay_signals(s, delay) for s in stretches]
 
     def average(motion: list[Signals]) -> Bins:
@@ -125,19 +125,19 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         slip = seek_slip(stretches, knots, full, seconds, rough=True)
         if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
             slip = seek_slip(stretches, knots, full, seconds, coarse, rough=True)
-        simpler = simplest(slip, average(delayed(slip.delay)))[0]
+        simpler = simplest(slip, average(shift(slip.delay)))[0]
         slip = seek_slip(
             stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
         )
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)
-    bins = average(motion := delayed(slip.delay))
+    bins = average(motion := shift(slip.delay))
     if simpler is not None:
         bins = drop_build_up(bins, motion, simpler.spread, slip.correlation, seconds)
     choice, bins, slowest = choose(slip, bins)
     if slip.is_fitted(coarse):
-        later = replace(average(delayed(slip.delay + slip.error)), used=bins.used).whiten(slip.correlation)
+        later = replace(average(shift(slip.delay + slip.error)), used=bins.used).whiten(slip.correlation)
         now, then = (fit(each.map_columns(choice.candidate.spread)) for each in (bins, later))
         choice = with_slip(choice, (then - now) / slip.error, slip)
     choice = design.offset_apart(choice)
