@@ -120,7 +120,7 @@ def test_a_slipping_element_that_jumps_at_rest_ends_beside_the_jump():
 @PLAIN
 @pytest.mark.parametrize("name", [*SMOOTH, "none"])
 def test_a_held_mass_is_found_in_few_trials(monkeypatch, name):
-    """Straight curves in a handful, bent ones as a regula falsi whose idle side is halved does: below 16."""
+    """Straight curves in a handful, bent ones as a regula falsi whose idle side is halved does: below 16. The first is at rest."""
     law, tried = Law(rate=CURVE, element=ELEMENT_EXAMPLES[name]), []
     real = kernels._excess
     monkeypatch.setattr(kernels, "_excess", lambda *a: tried.append(1) or real(*a))
@@ -128,13 +128,13 @@ def test_a_held_mass_is_found_in_few_trials(monkeypatch, name):
     for v_free in (0.1, -0.2, 5.0):
         tried.clear()
         solved(straight, straight.state(), v_free, 1e-3, 1e-3)
-        assert len(tried) <= 3
+        assert len(tried) - 1 <= 3
     counts = []
     for v_free in np.r_[np.geomspace(1e-3, 3.0, 25), -np.geomspace(1e-3, 3.0, 25)]:
         for soft in (1e-4, 1e-3, 1e-2):
             tried.clear()
             solved(law, law.state(), v_free, 1e-3, soft)
-            counts.append(len(tried))
+            counts.append(len(tried) - 1)
     assert max(counts) <= 40 and np.mean(counts) <= 13.0
 
 

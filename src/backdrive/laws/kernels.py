@@ -173,8 +173,7 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
     """
     if not np.isfinite(v_free):
         return np.nan
-    holds = HOLDS >> element & 1
-    if holds:
+    if HOLDS >> element & 1:
         lo, hi, _ = limits(rate, p, 0.0, load, temp)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
             return 0.0
@@ -183,13 +182,7 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
     a, excess_a, b, excess_b = 0.0, 0.0, np.inf, np.inf
     speed, growth_of_b, side = 0.0, 2.0, 0
     for k in range(-1, 3 * STEPS):
-        v = toward * speed
-        if holds:
-            lo, hi, viscous = limits(rate, p, v, load, temp)
-            friction = (hi if toward > 0.0 else lo) + viscous
-        else:
-            friction = _try_step(rate, element, p, x, v, dt, load, temp)
-        excess = toward * (v + dt_over_m * friction - v_free)
+        excess = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
         if k < 0:  # at rest: the direction of motion, and a first speed
             if excess == 0.0:
                 return 0.0
@@ -222,6 +215,21 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
         if not a < speed < b:
             break
     return toward * (b - excess_b * (b - a) / (excess_b - excess_a))
+
+
+@ladder
+def _excess(  # noqa: PLR0913  (a kernel's row)
+    rate: int, element: int, p: Array, x: Array, speed: float, toward: float, v_free: float, dt: float, dt_over_m: float,
+    load: Pair, temp: float,
+):  # fmt: skip
+    """Residual of the balance at a trial speed, along the direction of motion."""
+    v = toward * speed
+    if HOLDS >> element & 1:
+        lo, hi, viscous = limits(rate, p, v, load, temp)
+        friction = (hi if toward > 0.0 else lo) + viscous
+    else:
+        friction = _try_step(rate, element, p, x, v, dt, load, temp)
+    return toward * (v + dt_over_m * friction - v_free)
 
 
 @ladder
