@@ -79,8 +79,8 @@ def _columns(theta: np.ndarray, load: bool, q, dq, ddq) -> tuple[np.ndarray, np.
     return torque, columns
 
 
-def least_error(seed: int, mass: float, center: np.ndarray) -> float:
-    """Return the least standard error of a payload's mass [kg] that a draw's two logs allow."""
+def least_error(seed: int, mass: float, center: np.ndarray, lengths: tuple[float, float]) -> float:
+    """Return the least standard error of a payload's mass [kg] that a draw's loaded and unloaded log of some lengths [s] allow."""
     theta = np.zeros((JOINTS + 1, PER_BODY))
     held = (mass, *center, *mass * np.square(RADIUS))
     for i, row in enumerate(theta[:-1]):
@@ -88,7 +88,9 @@ def least_error(seed: int, mass: float, center: np.ndarray) -> float:
     theta[-1, :7] = held
     bodies = theta.size
     told = np.zeros((bodies + PER_JOINT * JOINTS,) * 2)
-    for day, (seconds, way, load) in enumerate(((30, 2 * seed + 1, True), (40, 2 * seed, False))):
+    for day, (seconds, way, load) in enumerate(
+        ((lengths[0], 2 * seed + 1, True), (lengths[1], 2 * seed, False))
+    ):
         q, dq, ddq = (x[::STEP] for x in motion(seconds, way)[1:])
         torque, columns = _columns(theta, load, q, dq, ddq)
         n = len(q)

@@ -127,12 +127,12 @@ def siblings(judge: Judge, seed: int, fleets: int) -> None:
     print(f"  other robots named in these fleets: {others} of {39 * fleets}")
 
 
-def from_logs(judge: Judge, seed: int, joints: int) -> None:
-    """Find ramps in logs: through reading, identification, Parquet and back."""
+def from_logs(judge: Judge, seed: int, joints: int, every: int) -> None:
+    """Find ramps in logs of every so many days: through reading, identification, Parquet and back."""
     from _fleet_processes import fleet
 
     draws = np.random.default_rng(seed)
-    every, seconds, rate = 3, 8.0, 100.0
+    seconds, rate = 8.0, 100.0
     drawn = rows(seed, joints, 0.1)
     t = np.arange(round(seconds * rate)) / rate
     with tempfile.TemporaryDirectory(prefix="fleet-") as scratch:
@@ -161,7 +161,7 @@ def from_logs(judge: Judge, seed: int, joints: int) -> None:
     named = np.array([one.named for one in result])
     right, wrong = int((named & drawn["ramps"]).sum()), int((named & ~drawn["ramps"]).sum())
     print(
-        f"  {joints} joints from logs, every {every} days: {use.wall:.0f} s, {use.processor:.0f} s of processor"
+        f"  {joints} joints from logs, one every {every} days: {use.wall:.0f} s, {use.processor:.0f} s of processor"
     )
     sentence = f"from logs: {right} of {drawn['ramps'].sum()} ramps found, {wrong} others named"
     if joints < 100:
@@ -192,7 +192,7 @@ def main() -> None:
     count = 6 if given.short and given.joints is None else 200 if given.joints is None else given.joints
     if count:
         print("logs")
-        from_logs(judge, seed + 5000, count)
+        from_logs(judge, seed + 5000, count, 3 if given.short else 1)
     judge.end()
 
 
