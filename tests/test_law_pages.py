@@ -88,7 +88,7 @@ def test_text_is_taken_apart_rightly():
     entry = {e.name: e for e in pages.entries(RATES["m4"])}
     assert entry["load"].meaning == "growth with |tau_m - tau_e|"
     assert entry["stribeck_velocity"].meaning == ""  # it says the symbol alone
-    assert entry["stribeck"].meaning == "what the slowest motion adds"  # inherited
+    assert entry["stribeck"].meaning == "Stribeck torque, which the slowest motion adds"  # inherited
     assert entry["viscous"].unit == "N.m.s/rad or N.s/m"
     assert {e.name: e.unit for e in pages.entries(RATES["m6"])}["quadratic_motor"] == "1/(N.m) or 1/N"
     assert pages.bounds(Parameter(symbol="x", unit="1", lower=1e-9, upper=1e6)) == "1e-9 to 1e6"

@@ -272,7 +272,9 @@ def test_advice_on_a_leaking_spring_names_the_slowest_speed():
         carried = [min(3.0, K * v / alpha) if alpha > 0.0 else 3.0 for v in grid]
         v, f = next((v, f) for v, f in zip(grid, carried, strict=True) if f - v < 0.0)
         said = Decaying(stiffness=K, decay_rate=alpha).advice(falls)
-        numbers = re.search(r"carries (\S+) at the velocity (\S+), where the rate law takes off (\S+):", said)
+        numbers = re.search(
+            r"carries (\S+) at the velocity (\S+), where the falling curve subtracts (\S+):", said
+        )
         assert numbers and [float(x) for x in numbers.groups()] == pytest.approx([f, v, v], rel=1e-3)
     backwards = Polyline(velocity=(1.0, 2.0), positive=(3.0, 3.5), negative=(2.0, 1.0))
     assert "at the velocity -1e-12," in Decaying(stiffness=10.0).advice(backwards)

@@ -398,7 +398,7 @@ def test_a_rollout_says_what_is_wrong_and_where():
         rollout(model, dt=1e-3, q=q)
     for dt in (np.float64(0.5), 1, np.int64(1)):
         assert increments(None, np.array([2.0]), dt).tolist() == [[2.0 * dt]]
-    with pytest.raises(InvalidInput, match="2 lanes have a motion, there are 1"):
+    with pytest.raises(InvalidInput, match="2 motions for 1 lanes"):
         Lanes([law]).torque(np.zeros(2), np.zeros((1, 3)), 1e-3)
 
 

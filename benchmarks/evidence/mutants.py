@@ -224,8 +224,8 @@ EQUIVALENT: tuple[tuple[str, str, str, str], ...] = (
     ),
     *(
         (
-            "laws/elements/leuven.py", "FAR = 1e5  # times a bound, of a torque the other way",
-            f"FAR = {more}  # times a bound, of a torque the other way",
+            "laws/elements/leuven.py", "FAR = 1e5  # limit of a torque against the motion, relative to the bound [-]",
+            f"FAR = {more}  # limit of a torque against the motion, relative to the bound [-]",
             "far beyond what any root is, and near enough that its power does not overflow",
         )
         for more in ("(105000.0)", "(200000.0)")

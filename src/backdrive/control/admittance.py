@@ -6,8 +6,7 @@ m: virtual inertia [kg.m^2 or kg]. b: virtual viscosity [N.m.s/rad or N.s/m] (th
 
     v_d <- (m v_d + T tau_e)/(m + b T),   q_d <- q_d + T v_d.
 
-tau_e has to be computed with the torque of the previous tick: with one more sample of delay and T K_d/m = 1 the loop is
-unstable.
+Compute tau_e with the torque of the previous tick. With one more sample of delay, the loop would be unstable at T K_d/m = 1.
 """
 
 from __future__ import annotations

@@ -24,23 +24,23 @@ EFFORT = Bound(1e-6, 1e5, "N.m or N")
 class ArmJoint(WithBounds):
     """Settings of one joint of an arm: compensation, admittance and limits.
 
-    Where motors are coupled, `loop`, `effort` of the limits, `inertia` and `gravity` are those of the motor of the same number, the
-    rest of the joint.
+    If motors are coupled, `loop`, `inertia`, `gravity` and the `effort` of the limits are settings of the motor with the same
+    number. The other settings belong to the joint.
 
     Attributes:
         loop: compensation of friction within its own limits.
-        limits: range of the joint, and the largest torque (`effort`) of everything together.
+        limits: range of the joint, and the largest total torque of its motor (`effort`).
         inertia: inertia of the motor, added to the rigid bodies [kg.m^2 or kg].
         offset: constant torque beside gravity, compensated together with it [N.m or N].
         admittance: virtual mass that the estimated external torque moves; None: the joint is guided.
         threshold: external torque that does not move the virtual mass [N.m or N].
         margin: depth of the soft walls before the ends of the range [rad or m]; None: 0.15 rad or 0.05 m, at most a tenth of the
             range.
-        gravity: largest torque against gravity [N.m or N]; None: a quarter more than the arm weighs in any posture.
-        wall: largest torque of walls and admittance [N.m or N]; None: what the effort leaves.
+        gravity: largest torque against gravity [N.m or N]; None: a quarter above the largest in 300 postures.
+        wall: largest torque of walls and admittance [N.m or N]; None: `effort` minus `gravity` and compensation.
 
     Raises:
-        InvalidInput: a number is no number or outside, there is no finite effort, or the walls take more than the range.
+        InvalidInput: a setting or the effort is out of bounds, or the two walls together cover the range.
     """
 
     BOUNDS: ClassVar = dict.fromkeys(("inertia", "threshold", "margin", "gravity", "wall"), NOT_NEGATIVE) | {

@@ -2,7 +2,7 @@
 
     torque = gravity + compensation + drive,      |torque| <= effort
 
-Motors may drive several joints: q = C p, and a torque tau on the joints asks C' tau of the motors. Compensation is that of
+Motors may drive several joints: q = C p, and the motors produce a torque tau on the joints by C' tau. Compensation is that of
 `control.loop`, motor by motor. The drive torque acts on the joints: soft walls before their limits, and the position
 controller of an admittance. It passes through the same output stage as the compensation (`control.guard`), with its own
 table. Gravity is the torque of the rigid bodies at the last accepted posture; `carry` describes it during faults.
@@ -161,10 +161,10 @@ def carry(g, h, j, weight):
 def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, bias):  # noqa: PLR0913, PLR0912  (a kernel's row)
     """Advance every motor and joint by one tick and return the worst status.
 
-    `A`, `o`, `g`, `codes`: of `loop_kernel.tick`; `d`: table of the drive's output stage, `h`: of the arm, `a`, `s`: rows and
-    states of the admittances, `wanted`: torque of walls and admittance on the joints, `C`: q = C p, `back`: its inverse,
-    `whole`: external torque on the motors by an estimator of the whole arm, (J,), or (0,), `weight`: g(q), `bias`: h + g of the
-    joints.
+    `A`, `o`, `g`, `codes`: as in `loop_kernel.tick`. `d`: table of the drive's output stage. `h`: table of the arm.
+    `a`, `s`: rows and states of the admittances. `wanted`: torque of walls and admittance on the joints. `C`, `back`: matrix of
+    q = C p, and its inverse. `whole`: external torque on the motors if one estimator serves the whole arm, (J,), else (0,).
+    `weight`: g(q). `bias`: h + g of the joints.
     """
     J = codes.size
     for j in range(J):

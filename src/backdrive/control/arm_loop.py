@@ -2,9 +2,9 @@
 
     q, u -> torque of the motors, tau_e (external), tau_f (friction), wrench
 
-`Loop` compensates each motor's friction within its limits; rigid bodies come from the robot's description by pinocchio, once a
-tick, at the position that is believed. Nothing is raised in a tick; every joint has a `Status`. Stops and latches remove all
-torque except that against gravity (docs/decisions/0010-arm-loop.md).
+`Loop` compensates each motor's friction within its limits. Once per tick, pinocchio computes the rigid bodies of the robot's
+description at the position of the accepted readings. Nothing is raised in a tick; every joint has a `Status`. Stops and
+latches remove all torque except that against gravity (docs/decisions/0010-arm-loop.md).
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ class ArmLoop:
     that monitors `count`. Copies (`copy`, `deepcopy`, `pickle`) are loops of their own in the same state.
 
     Attributes:
-        torque: of the motors, all of it [N.m or N], read-only as all of these, changed by `update`, (J,).
+        torque: total torque of the motors [N.m or N], (J,). `update` changes all attributes; they are read-only.
         gravity: a part of it [N.m or N], (J,).
         drive: of walls and admittance, a part of it [N.m or N], (J,).
         external: estimated external torque on the joints [N.m or N], (J,).
-        position: of the joints, as it is believed [rad or m], (J,).
+        position: of the joints, by the accepted readings [rad or m], (J,).
         velocity: of the joints, low-passed [rad/s or m/s], (J,).
     """
 

@@ -43,10 +43,10 @@ def joints_of(
         model: of a whole arm.
         robot: path of its description, or the robot, with limits of speed and torque.
         limits: of joints by name, instead of the description's.
-        share: R, of the friction that is compensated; 0: nothing is [-].
+        share: R, compensated share of the friction; 0: no compensation [-].
         dither: at rest; None: none.
         bend: deflection at which the contacts of compensator and estimator slide [rad or m]; None: twice that of the model,
-            or 1 mrad or 0.1 mm. With less deflection than the real joint has, the compensation is a positive feedback.
+            or 1 mrad or 0.1 mm. If it is less than the real joint's deflection, the compensation becomes positive feedback.
         encoder_count: step of the encoders [rad or m]; None: the model's.
         method: of the estimate of the external torque.
         bandwidth: of the estimate [1/s].

@@ -1,4 +1,4 @@
-"""The kernels of loops whose joints are known: only the laws, estimators and extras that stand in their rows are compiled."""
+"""Kernels for the given joints of a loop: only the laws, estimators and extras that these joints use are compiled."""
 
 from __future__ import annotations
 

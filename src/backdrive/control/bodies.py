@@ -54,7 +54,7 @@ class Bodies:
 
         Args:
             q: positions of the joints [rad or m], (J,).
-            dq: velocities of the joints [rad/s or m/s], (J,); None: they rest, as far as `bias` goes.
+            dq: velocities of the joints [rad/s or m/s], (J,); None: `bias` is that of an arm at rest.
         """
         self.weight = self.bias = self._gravity(self._model, self._data, q)
         if dq is not None:

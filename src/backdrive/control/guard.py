@@ -4,15 +4,15 @@ The watch latches a joint that is faster than its top speed v_top over a window 
 
     |q_k - q_i| > v_top (t_k - t_i),
 
-and a joint whose readings were rejected for longer than the patience; four good ticks offset one bad tick. A latched joint
-gives no torque until it is acknowledged. The output f of every call satisfies
+and a joint whose readings were rejected for longer than the patience. Four good ticks offset one bad tick. A latched joint
+has no torque until it is acknowledged. The output f of every call satisfies
 
     |f| <= cap <= limit,     |f - f_before| <= rate T
 
 The cap is the present limit of the torque. It grows from zero at the slow rate after the start and after a fault, and falls
-at the slow rate after a stop. In a latch it falls at limit/0.15 s, for a runaway at limit/0.02 s. Towards zero only the
-normal rate applies. The order of precedence is: latch, stop, fault, compensator; then cap and limit, and finally the rate
-limit.
+at the slow rate after a stop. After a latch it falls at limit/0.15 s, for a runaway at limit/0.02 s. Only the normal rate
+limits a torque that decreases by itself. The order of precedence is: latch, stop, fault, compensator; then cap and limit, and
+finally the rate limit.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ LONGEST = 20.0  # largest fault time that one call adds [period]
 WINDOW = 0.01  # shortest window of a speed measurement [s]
 HASTE = 7.5  # factor on the latch rate for a runaway, since friction has to dissipate the energy added above the top speed [-]
 FORGIVEN = 0.25  # fault time that a good tick removes, relative to its own length [-]
-ROUNDING = 1e-9  # of the distance in a window, of numbers
+ROUNDING = 1e-9  # relative tolerance of distances and ages in a window, for rounding [-]
 
 
 def window(period: float) -> float:
@@ -62,7 +62,7 @@ def window(period: float) -> float:
 
 
 def spans(period: float) -> tuple[float, float]:
-    """Return the ages of the older and of the newer point from which they end a window of speeds [s]."""
+    """Return the age at which the older point of the watch gives a speed, and that at which the newer one replaces it [s]."""
     span = window(period)
     return span * (1.0 - ROUNDING), 0.5 * span * (1.0 - ROUNDING)
 
@@ -106,8 +106,8 @@ def acknowledge(g: np.ndarray) -> bool:
 def act(g, code, good, wanted, since, interval):
     """Write the joint's output and return its status.
 
-    `code`: status of the reading or of its processing, `good`: the reading was accepted, `wanted`: torque of the compensator
-    if it was, `since`: time that this reading covers, `interval`: the given interval.
+    `code`: status of the reading or of its processing. `good`: the reading was accepted. `wanted`: torque of the compensator
+    for an accepted reading. `since`: time since the last accepted reading. `interval`: the given interval.
     """
     passed = g[PASSED]
     if good:

@@ -53,7 +53,7 @@ USUAL = 1.25  # default of the same [-]
 
 
 def friction_of(law: Law, top_speed: float) -> tuple[float, float]:
-    """Return F, the friction at rest of a law, and that at a speed in the easier direction.
+    """Return F, the friction at rest of a law, and its friction at a speed, in the direction of less friction.
 
     For a law without friction at rest, F is the largest friction from 1e-4 of the speed on.
 
@@ -74,11 +74,11 @@ def torque_limit(compensator: Compensator, top_speed: float) -> float:
     """Return the default torque limit: 1.25 R F(v_top), increased by the dither to at most 1.5 R F(v_top).
 
     Args:
-        compensator: whose friction law and share R.
+        compensator: compensator with friction law and share R.
         top_speed: v_top [rad/s or m/s].
 
     Returns:
-        Limit [N.m or N]: with it, the loop cannot drive a joint for long whose friction is at least half of the law's.
+        Limit [N.m or N]: it keeps the loop from driving a joint for long if its friction is at least half of the law's.
     """
     rest, fast = friction_of(compensator.friction.law, top_speed)
     waves = 0.0 if compensator.dither is None else compensator.dither.share * rest
@@ -264,8 +264,8 @@ class BareLoop(JointLoop):
 
 
 def concatenate(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the arrays of `rows` but the table in one, (J, n), as `loop_kernel.tick` reads them, and where those begin whose
-    length differs between laws, and the end, (5,): each further argument costs as much time as a friction law.
+    """Return the arrays of `rows` joined in one, (J, n), without the table, and five places in it, (5,). The places are the starts
+    of the arrays whose length depends on the law, and the end. Each further argument of a tick would cost as much as a law.
     """
     C, P, X, S, CE, PE, XE, SE = parts
     lengths = [sum(part.shape[1] for part in (C, S, CE, SE)), *(part.shape[1] for part in (P, X, PE, XE))]

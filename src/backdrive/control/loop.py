@@ -6,12 +6,11 @@
 compensation and estimate, then the speed watch and the limits of torque and rate (`control.guard`). Every joint has its own
 `Status`; a fault of one does not affect the others. A late tick uses the time that really elapsed.
 
-Without new encoder counts the compensation decays: while the encoder stands still, its torque beside the dither falls below 5
-% within the hold time, and integrators stop. The reason is that a frozen encoder and a person leaning on the arm look the
-same.
+If the encoder stands still, the compensation without its dither falls below 5 % within the hold time, and integrators stop.
+The reason: a frozen encoder cannot be distinguished from an arm on which a person leans.
 
-The level of the friction may be adapted meanwhile (`Adaptation`): in free motion, the estimated external force is the error
-of the friction model.
+`Adaptation` can adapt the level of the friction in the loop: in free motion, the estimated external force is the error of the
+friction model.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class Row:
     """A row of a loop's table as an attribute of the loop: an assignment writes into the row.
 
     Args:
-        rows: of the table: one, which is (J,), or a slice of k, which is (J, k).
+        rows: number of a row, for an attribute (J,), or a slice of k rows, for (J, k).
         writeable: callers may write.
     """
 
@@ -138,7 +137,7 @@ class Loop:
         return f"<Loop of {count}, {1.0 / self.interval:g} Hz; at most {limits} N.m or N>"
 
     def _kernel_of(self, kernel: F) -> F:
-        """Return a kernel that advances joints for what runs on those of this loop."""
+        """Return a kernel that is compiled only for the laws and estimators of this loop's joints."""
         return assembly.of_loop(kernel, rows(self.joints, np.zeros(len(self.joints)), self.interval))
 
     def _admit(self) -> None:

@@ -155,7 +155,7 @@ def absent(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel
 def tick(A, o, g, codes, q, dt):
     """Advance every joint by one tick and return the worst status.
 
-    `A[j]`: the arrays of `rows` for a joint, joined, those of fixed length first; `o`: where each other begins, and the end (5,);
+    `A[j]`: the joined arrays of `rows` for a joint, those of fixed length first. `o`: starts of the others, and the end, (5,).
     `g`: table.
     """
     worst = OK

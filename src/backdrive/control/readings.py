@@ -69,13 +69,13 @@ def shift(c, s, ce, se, g, by):
 
 @jit
 def possible(g, distance, time):
-    """Return whether a joint can have moved a distance in a given time; not one that is no number, or infinite."""
+    """Return whether a joint can have moved a distance in a given time; False for a NaN or an infinite distance."""
     return abs(distance) < g[TOP] * (time + g[NOMINAL]) + 2.0 * g[COUNT]
 
 
 @jit
 def follows(c, s, ce, se, g, q, passed):
-    """Return whether a reading is near that of a jump; where many have been, the encoder counts from another zero."""
+    """Return whether a reading is near the one before it, after a jump. If this lasts, the encoder's zero is shifted."""
     if not g[PENDING] > 0.0 or not possible(g, q - g[ELSEWHERE], passed):
         return False
     g[ELSEWHERE] = q
@@ -87,7 +87,7 @@ def follows(c, s, ce, se, g, q, passed):
 
 @jit
 def jump_status(g, q, way, passed):
-    """Return the status of a reading that is out of reach: a second jump that is like the first is a joint that runs away."""
+    """Return the status of a reading that is out of reach. Two jumps with similar velocities mean a runaway."""
     if not np.isfinite(q):
         return NOT_FINITE
     code = JUMP
@@ -125,7 +125,7 @@ def judge(c, s, ce, se, g, q, dt):
     others = (g[APPLIED] + g[KNOWN]) + (g[ERROR] + g[SLOPE]) + (g[MOTOR] + g[LOAD])
     if not np.isfinite(others + g[TEMPERATURE]):
         return NOT_FINITE
-    if follows(c, s, ce, se, g, q, passed):  # first, for the old place is within reach again after a while
+    if follows(c, s, ce, se, g, q, passed):  # first, since the old position comes within reach after a while
         return JUMP
     way = q - g[BEFORE]
     if not possible(g, way, g[SINCE]):

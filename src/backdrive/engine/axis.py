@@ -3,15 +3,15 @@
     M w' = u - c - [friction]            c = K_c (p - q) + D_c (w - v)
     L v' = c - a sin q - b cos q - o - [friction]
 
-p, w: position and velocity on the motor's side, where the encoder is; q, v: on the load's side. The friction acts on the
-one side or on the other (Iwatani 2017, Fig. 3.2: on the load's). A rigid transmission makes the two one mass.
-Gravity is (2.10), which has a = 0, b = M L g for a joint angle measured from the horizontal; o is a constant torque.
+p, w: position and velocity on the motor's side, where the encoder is; q, v: on the load's side. The friction acts on either
+side (Iwatani 2017, Fig. 3.2: on the load's side). With a rigid transmission, motor and load are one mass. Gravity is (2.10):
+a = 0 and b = M L g for a joint angle from the horizontal. o: constant torque.
 
 A step consists of half a step of drift, a velocity update, and another half step of drift. The velocity update is implicit in
 the friction (`laws.kernels.solve`), so that a held mass rests exactly. Laws that depend on the load or grow with it
 (`laws.growth`) get the motor's torque and the negative of c. For a rigid axis, c is the torque of gravity and of the load's
-inertia. Beside any law the axis itself may have Coulomb friction mu |c|, with the same growth. In an implicit step this
-shrinks the free velocity.
+inertia. In addition to any law, the axis may have Coulomb friction mu |c|. The implicit step accounts for it by reducing the
+free velocity.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def gravity(j, q):
 
 @jit
 def implicit_velocity(rate, element, p, x, v_free, h, dt_over_m, widening, load, temp):
-    """Velocity of a mass at the end of a step h under friction whose bounds are wider by `widening` >= 0."""
+    """Velocity of a mass after a step h under friction, with bounds that are wider by `widening` >= 0."""
     shrinkage = dt_over_m * widening
     if abs(v_free) <= shrinkage:
         v_free = 0.0

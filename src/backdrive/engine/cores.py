@@ -36,13 +36,13 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
         if count > 0:
             work(0, count)
         return
-    pieces = min(count, 4 * workers)  # a few each: items may differ in length
+    pieces = min(count, 4 * workers)  # several for each worker, since items may take different times
     edges = [count * i // pieces for i in range(pieces + 1)]
     pool, wait = ThreadPoolExecutor(workers), True
     try:
         for done in [pool.submit(work, a, b) for a, b in zip(edges, edges[1:], strict=False)]:
             done.result()
-    except KeyboardInterrupt:  # running pieces finish by themselves, in arrays that are no longer read
+    except KeyboardInterrupt:  # running pieces finish and fill arrays that nobody reads any more
         wait = False
         raise
     finally:

@@ -6,10 +6,10 @@
     actuator     torque:    u = y
                  motor:     i = (U y - k_t v)/(R + R_s y^2),   u = k_t i/(1 + c |i|)
 
-r: input of the drive; q, v: position and velocity of the motor's side. For a motor, U is the supply voltage [V] if y is a
-duty, or 1 if y is a voltage. k_t: torque constant on the joint's side, which is the back-EMF constant too [N.m/A]. R:
-resistance [ohm]; R_s: resistance of the supply [ohm]. c: saturation, the relative decrease of the torque constant with
-current [1/A]. The input is delayed by `delay`, and interpolated between samples or held.
+r: input of the drive. q, v: position and velocity of the motor's side. U: supply voltage [V] if y is a duty, and 1 if y is a
+voltage. k_t: torque constant on the joint's side, and also the back-EMF constant [N.m/A]. R, R_s: resistance of the motor and
+of the supply [ohm]. c: saturation, the relative decrease of the torque constant with current [1/A]. The input is delayed by
+`delay`. Between samples it is interpolated or held.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from backdrive._jit import jit
 from backdrive.engine import servo
 from backdrive.parameters import ABOVE_ZERO, Bound, WithBounds
 
-STATES = servo.STATES + 1  # and the input of the step before
+STATES = servo.STATES + 1  # those of the servo, and the input of the previous step
 CONTROLLERS = ("open", "position", "velocity")
 ACTUATORS = ("torque", "motor")
 NOT_BELOW_ZERO = Bound(0.0, np.inf)
@@ -87,18 +87,18 @@ class DriveModel(WithBounds):
 
     Attributes:
         controller: kind of controller: `open`, `position` or `velocity`.
-        actuator: `torque`, or `motor` for one that a voltage or a duty is put on.
-        gain: of the open controller [output/input].
+        actuator: `torque` if the controller's output is a torque, `motor` if it is the voltage or the duty of a motor.
+        gain: gain of the open controller [output/input].
         proportional: K_p [output/rad, output/m, or per unit of velocity].
         derivative: K_d [output.s/rad or output.s/m].
         integral: K_i [output/(rad.s) or output/(m.s)].
         filter_time: of the low pass on the measured velocity [s].
         limit: largest output of the controller [N.m, N, V, or 1 for a duty].
         supply: U, voltage at full duty [V]; 1 where the controller's output is a voltage.
-        torque_constant: k_t, behind the gears [N.m/A or N/A].
+        torque_constant: k_t, on the joint's side of the gears [N.m/A or N/A].
         resistance: R [ohm].
         supply_resistance: R_s [ohm].
-        saturation: c, fall of the torque constant with current [1/A].
+        saturation: c, relative decrease of the torque constant with current [1/A].
         delay: delay of the input [s].
         hold: the input is held between samples, not interpolated.
     """

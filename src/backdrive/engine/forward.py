@@ -74,7 +74,7 @@ class Axis(WithBounds):
 
     Attributes:
         law: its friction.
-        inertia: of the motor's side, or of the whole axis where nothing yields [kg.m^2 or kg].
+        inertia: of the motor's side; of the whole axis if it is rigid and has no `load_inertia` [kg.m^2 or kg].
         drive: what turns the input into torque.
         load_inertia: of the load's side [kg.m^2 or kg]; its inertial torque is part of the load for laws that depend on it.
         stiffness: K_c of the transmission [N.m/rad or N/m]; infinite for a rigid one.
@@ -83,8 +83,8 @@ class Axis(WithBounds):
         gravity_cos: b of the same [N.m or N].
         offset: a constant torque on the side of friction [N.m or N].
         friction_side: which mass the friction acts on.
-        load_dependence: mu, Coulomb friction beside the law in proportion to the transmitted torque [-]; `Law.growth` is that
-            within it, by direction.
+        load_dependence: mu, further Coulomb friction in proportion to the transmitted torque [-]. `Law.growth` instead makes the
+            law itself grow, with one factor for each direction of power.
     """
 
     BOUNDS: ClassVar = {
@@ -135,17 +135,17 @@ class Axis(WithBounds):
         )
 
     def at(self, position: float, velocity: float = 0.0) -> np.ndarray:
-        """Return the state of an axis that moves at a velocity, its transmission bearing gravity, (5,)."""
+        """Return the state of an axis at a position and a velocity, with gravity carried by its transmission, (5,)."""
         row, q = self.row(), position
         if np.isfinite(self.stiffness):
-            for _ in range(50):  # K_c (p - q) = g(q) contracts by g'/K_c, far below 1
+            for _ in range(50):  # fixed point of K_c (p - q) = g(q); its contraction g'/K_c is far below 1
                 q = position - axis_.gravity(row, q) / self.stiffness
         return np.array([position, velocity, q, velocity, axis_.gravity(row, q)])
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motions:
-    """What forward dynamics gives.
+    """The motion that forward dynamics computes.
 
     Attributes:
         position: of the motor's side [rad or m], (L, n).
@@ -180,8 +180,8 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
         dt: sampling time [s].
         position: where the motions start [rad or m], one number or (M,).
         velocity: with which they start [rad/s or m/s], one number or (M,).
-        log: which input a lane runs on, (L,); None: lane i on input i, or all on the one there is.
-        supply: voltage where it is measured [V], (M, n); None: the drives' own.
+        log: number of the input of each lane, (L,); None: lane i has input i, or all lanes share the only input.
+        supply: measured supply voltage [V], (M, n); None: the drives' own.
         enabled: 0 where the drive is switched off, (M, n); None: always on.
         temperature: [degC], (M, n); None: 20.
         substeps: integration steps a sample; the controllers run in each.
@@ -207,13 +207,13 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     if log is None and M > 1 and len(axes) != M:
         raise InvalidInput(
             f"{len(axes)} axes and {M} inputs.",
-            remedy="Give one input, one an axis, or say with `log` which axis runs on which.",
+            remedy="Give one input, one for each axis, or name the input of each axis in `log`.",
         )
     usual = np.zeros(len(axes)) if M == 1 else np.arange(len(axes))
     asked = numbers("log", usual if log is None else log)
     if not np.all(asked == np.round(asked)):
         raise InvalidInput(
-            "log holds what is no whole number.", remedy="Give every axis the number of an input."
+            "log contains a value that is no whole number.", remedy="Give every axis the number of an input."
         )
     inputs: np.ndarray = asked.astype(np.int64)
     if inputs.shape != (len(axes),) or inputs.min() < 0 or inputs.max() >= M:

@@ -1,9 +1,10 @@
-"""Compiled loops of one law over lanes in groups, of elements whose state follows from numbers that are known ahead of it.
+"""Compiled loops of one law over groups of lanes, for elements that offer `ahead` and for elements without a state.
 
-The groups advance block by block of ticks. What does not depend on the state is evaluated for one lane along the block, several
-ticks in an instruction, as is the torque behind it. The states of a group advance between the two, tick by tick, side by side:
-each waits for its own result of the tick before, and others fill the time. Where there is no state (set-valued friction), a
-block is one pass. The results are bit-identical to `kernels.step`.
+The groups advance in blocks of ticks, with three passes per block. First, everything that does not depend on the state is
+evaluated lane by lane, several ticks per instruction. Then the states of a group advance side by side, tick by tick: while one
+state waits for its own previous tick, the processor computes the others. Finally the torques follow from the states, again
+several ticks per instruction. Set-valued friction has no state and needs only one pass. The results are bit-identical to
+`kernels.step`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from backdrive._jit import specialise
 from backdrive.engine.loops import BLOCK
 from backdrive.laws import kernels
 
-TOGETHER = 8  # lanes whose states advance side by side; their numbers of a block fit the nearest cache
+TOGETHER = 8  # lanes whose states advance side by side; their numbers of one block fit the first-level cache
 
 
 def serves(element: int) -> bool:
@@ -27,23 +28,23 @@ def serves(element: int) -> bool:
 
 
 def work() -> tuple[np.ndarray, ...]:
-    """Return what the loop works on: velocities of a block; of each lane of a group three numbers, viscous part and state."""
+    """Return the work arrays of the loop: velocities of a block; for each lane the numbers of `ahead`, viscous part, state."""
     size = (
         TOGETHER,
         BLOCK + 6,
-    )  # rows of a power of two would have loads wait for stores to addresses that end alike
+    )  # no power of two, since loads would then wait for stores to addresses with equal last bits
     return (np.empty(BLOCK), *(np.zeros(size) for _ in range(4)), np.zeros((TOGETHER, BLOCK + 1)))
 
 
 @cache
 def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, together: int) -> Callable:
-    """Return the loop of one law over lanes: parameter rows, each on one of the motions.
+    """Return the loop of one law over lanes; each lane is a parameter row on one of the motions.
 
     Args:
         rate: kind of the rate law.
         element: kind of the element.
         plain: the law neither grows with the load nor differs by direction.
-        knots: sections of the rate law's row; 0 for a loop that looks.
+        knots: number of sections of the rate law's row, as a constant; 0: the loop reads it from the row.
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
         together: lanes of a group, at most TOGETHER.
     """

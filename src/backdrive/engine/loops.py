@@ -22,14 +22,14 @@ from backdrive._jit import jit, specialise
 from backdrive.laws import kernels
 
 BLOCK = 64  # ticks
-LANES = 16  # side by side
-WIDTH = 8  # of them at once
-COLUMNS = 16  # of a row that stands side by side with others, at most
-FEWEST = 16  # lanes that stand side by side
+LANES = 16  # lanes that are interleaved
+WIDTH = 8  # lanes of the innermost loop
+COLUMNS = 16  # largest length of a row in an interleaved loop
+FEWEST = 16  # smallest number of lanes for an interleaved loop
 
 
 def work() -> tuple[np.ndarray, ...]:
-    """Return what a loop works on: limits and motion of a block; rows, states, torque and motion of lanes."""
+    """Return the work arrays of a loop: limits and motion of a block; rows, states, torque and motion of lanes."""
     return (
         np.empty((4, BLOCK)),
         np.zeros((COLUMNS, LANES)),
@@ -40,7 +40,7 @@ def work() -> tuple[np.ndarray, ...]:
 
 @jit
 def wild(dp, limit):
-    """Return how many increments are beyond a limit; a NaN is not."""
+    """Return the number of increments whose magnitude exceeds a limit; a NaN does not count."""
     count = 0
     for m in range(dp.shape[0]):
         for k in range(dp.shape[1]):
@@ -50,14 +50,14 @@ def wild(dp, limit):
 
 @cache
 def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, tame: bool) -> Callable:
-    """Return the loop of one law over lanes one after the other: parameter rows, each on one of the motions.
+    """Return the loop of one law over lanes, one after the other; each lane is a parameter row on one of the motions.
 
     Args:
         rate: kind of the rate law.
         element: kind of the element.
         plain: the law neither grows with the load nor differs by direction.
-        knots: sections of the rate law's row; 0 for a loop that looks.
-        sections: of the element's row.
+        knots: number of sections of the rate law's row, as a constant; 0: the loop reads it from the row.
+        sections: the same of the element's row.
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
     """
 
@@ -107,7 +107,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
 
 @cache
 def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> Callable:
-    """Return the loop of one law over lanes side by side, of an element whose state is one number.
+    """Return the interleaved loop of one law over lanes, for an element whose state is one number.
 
     Args:
         rate: kind of the rate law, whose rows are of one length.
@@ -142,7 +142,7 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
                             E[k, j] = moved[start + k]
                 for half in range(
                     0, LANES, WIDTH
-                ):  # a number that fits the instructions: its loop vanishes, and what stays is hoisted
+                ):  # WIDTH fits the vector registers: the compiler unrolls the loop over w and hoists constants
                     for k in range(size):
                         for w in range(WIDTH):
                             j = half + w
@@ -154,7 +154,7 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
                             if not tame:
                                 d = kernels.within(v, d, dt)
                             at = start + k if loads else 0
-                            p: Any = (  # read as the row is
+                            p: Any = (  # a tuple, which kernels index like a row
                                 Q[0, j], Q[1, j], Q[2, j], Q[3, j], Q[4, j], Q[5, j], Q[6, j], Q[7, j],
                                 Q[8, j], Q[9, j], Q[10, j], Q[11, j], Q[12, j], Q[13, j], Q[14, j], Q[15, j],
                             )  # fmt: skip

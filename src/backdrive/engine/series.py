@@ -47,7 +47,7 @@ class Lanes:
         self.usual_loads = np.array([law.usual_load for law in laws])
         plain = self.rows[:, 0] == np.floor(self.rows[:, 0])
         sizes = ([law.rate.sections() for law in laws], [law.element.sections() for law in laws])
-        #: arguments of `loops.one_by_one`, the lanes, how many lanes come before, and the load where none is given
+        #: of each group: arguments of `loops.one_by_one`, its lanes, number of lanes in earlier groups, default load
         self._groups: list[tuple[Kinds, np.ndarray, int, np.ndarray]] = []
         grows, place = np.isnan(self.usual_loads[:, 1]), 0
         kinds = list(
@@ -96,7 +96,7 @@ class Lanes:
         """
         if len(motion) != len(self.rates):
             raise InvalidInput(
-                f"{len(motion)} lanes have a motion, there are {len(self.rates)}.", remedy="Name one a lane."
+                f"{len(motion)} motions for {len(self.rates)} lanes.", remedy="Name one motion for each lane."
             )
         M, n = dp.shape
         temperature = np.full((M, 1), REFERENCE) if temperature is None else temperature
@@ -127,7 +127,7 @@ class Lanes:
     def _loop(
         self, kinds: Kinds, lanes: np.ndarray, motion: np.ndarray, tame: bool
     ) -> tuple[Callable, Callable]:
-        """Return the compiled loop for some lanes of one law, and what makes the arrays that it works on."""
+        """Return the compiled loop for some lanes of one law, and the function that allocates its work arrays."""
         rate, element, plain, knots, _ = kinds
         if groups.serves(element):
             together = 1 if len(lanes) == 1 else groups.TOGETHER
@@ -140,7 +140,7 @@ class Lanes:
 
 
 def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.ndarray:
-    """Return position increments, (n, M), of positions or velocities of that shape, checked."""
+    """Check positions or velocities, (n,) or (n, M), and return their increments in each step [rad or m], (n, M)."""
     if (q is None) == (dq is None):
         raise InvalidInput("Give either positions q or velocities dq.", remedy="Leave one of them out.")
     if not isinstance(dt, (int, float, np.integer, np.floating)) or not 0.0 < dt < np.inf:
@@ -173,7 +173,7 @@ def rollout(
     The joints start at rest and relaxed. Torque k belongs to the interval that ends at sample k.
 
     Args:
-        model: a law, or a model with a law a joint; a sequence of them is a set of candidates.
+        model: a law, or a model with one law for each joint; a sequence of either is a set of candidates.
         dt: sampling time [s].
         q: joint positions [rad or m], (n,) or (n, J); either these or `dq`.
         dq: joint velocities, held over a step [rad/s or m/s], the same shapes.

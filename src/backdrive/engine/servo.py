@@ -2,8 +2,8 @@
 
     u_k = K_p e_k + K_d (dr_k - v_k) + K_i T sum(e_j),   e_k = r_k - p_k
 
-r is the reference, p the encoder's position and v the backward difference of p behind a first-order low pass. The integral is
-frozen while the torque is at its limit.
+r: reference. p: encoder's position. v: backward difference of p after a first-order low pass. The integral is frozen if the
+torque exceeds its limit in the direction of the error.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ STATES = 3  # integral of the error, position of the tick before, filtered veloc
 def tick(g, o, s, T, r, dr, p, limit):
     """Torque command of one tick; `s` is advanced in place.
 
-    `g` holds the row of `Servo` from place `o` on, `s` is the state, T the period, r and dr the reference and its
-    velocity, p the measured position and `limit` the largest torque.
+    `g[o:]`: row of `Servo`. `s`: state. T: period. r, dr: reference and its velocity. p: measured position. `limit`: largest
+    torque.
     """
     K_p, K_d, K_i, filter_time = g[o], g[o + 1], g[o + 2], g[o + 3]
     e = r - p
@@ -62,8 +62,8 @@ class Servo(WithBounds):
         """Return gains for a mass: a double pole at the bandwidth and a slow integral.
 
         Args:
-            inertia: that the servo moves [kg.m^2 or kg].
-            bandwidth: of the position loop [rad/s].
+            inertia: inertia that the servo moves [kg.m^2 or kg].
+            bandwidth: bandwidth of the position loop [rad/s].
             filter_time: time constant of the low pass on the measured velocity [s].
         """
         return cls(

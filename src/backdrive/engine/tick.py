@@ -23,14 +23,14 @@ from backdrive.status import Status
 OK, NOT_FINITE = int(Status.OK), int(Status.NOT_FINITE)
 
 
-#: Rows of the table that a tick reads and writes, one number per joint; each further array argument would cost more time than
-#: a joint.
+#: Rows of the table that a tick reads and writes, one number per joint. They share one table, because each further array
+#: argument would cost more time than a joint.
 RATE, ELEMENT, DT, MOTOR, EXTERNAL, TEMPERATURE, TORQUE = range(7)
 
 
 @jit
 def advance(P, X, S, codes, dp):
-    """Bring the torque of every joint in S (7, J) to the end of one tick; `P`: parameters, `X`: states."""
+    """Advance every joint by one tick and write its torque into S (7, J); `P`: parameters, `X`: states."""
     joints, half = codes.size, X.shape[1] // 2
     fits = dp.size == joints
     for j in range(joints):
@@ -58,7 +58,7 @@ class Tick:
         torque: friction torque [N.m or N], updated in place (J,).
         codes: `Status` of every joint, updated in place (J,).
         load: motor-side and external torque for laws that depend on load or grow with it [N.m or N], to be written before `tick`
-            (J, 2); before that of a law that grows, NaN: that under which its curve was identified.
+            (J, 2). A law that grows starts with NaN, which stands for the load under which its curve was identified.
         temperature: for laws that depend on it [degC], to be written before `tick` (J,).
     """
 
@@ -90,13 +90,14 @@ class Tick:
         self.reset()
 
     def reset(self) -> None:
-        """Return to joints at rest and relaxed."""
+        """Reset all joints: at rest, with relaxed elements."""
         self._states[:], self.torque[:], self.codes[:] = 0.0, 0.0, OK
 
     def tick(self, increments: np.ndarray) -> np.ndarray:
         """Advance every joint by one tick; nothing is allocated and nothing is raised.
 
-        A joint keeps torque and state where its increment is not finite, or where the row is not (J,); its code says so.
+        If an increment is not finite, its joint keeps torque and state, and its code is NOT_FINITE. If `increments` does not
+        have the shape (J,), this holds for all joints.
 
         Args:
             increments: of the positions since the tick before [rad or m], float64, contiguous (J,).

@@ -78,7 +78,7 @@ class Law:
         if not isinstance(self.rate, Rate):  # pyright: ignore[reportUnnecessaryIsInstance]  (a person gives it)
             raise InvalidInput(
                 f"The rate of a law is a {type(self.rate).__name__}.",
-                remedy="Give a rate law, such as StribeckGauss(...); what carries it is the element.",
+                remedy="Give a rate law, such as StribeckGauss(...); a presliding element belongs to `element`.",
             )
         if not isinstance(self.element, Element):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise InvalidInput(
@@ -130,7 +130,7 @@ class Law:
 
     @property
     def usual_load(self) -> tuple[float, float]:
-        """Return the default pair of loads: zero; for a law that grows, NaN, which stands for the load of its curve."""
+        """Return the default pair of loads: zeros, or (0, NaN) for a law that grows. NaN stands for the load of its curve."""
         return (0.0, 0.0) if self.growth is None else (0.0, float("nan"))
 
     def torque(
@@ -143,8 +143,8 @@ class Law:
 
         Args:
             velocity: joint velocity [rad/s or m/s], any shape.
-            load: that the joint carries [N.m or N], one number or the shape of `velocity`; or pairs of motor-side and external
-                torque, that shape and (2,). None: that under which the curve was identified, or none.
+            load: load of the joint [N.m or N]: one number, the shape of `velocity`, or pairs of motor-side and external torque
+                with a last axis of two. None: no load; if the law grows, the load under which its curve was identified.
             temperature: [degC], one number or the shape of `velocity`; None: 20.
 
         Returns:
@@ -162,7 +162,7 @@ class Law:
         except ValueError as error:
             raise InvalidInput(
                 f"Load or temperature do not have the shape of the velocities, {v.shape}: {error}.",
-                remedy="Give one number, or one a velocity.",
+                remedy="Give one number, or one for each velocity.",
             ) from error
         loads = np.array([self.usual_load] if loads is None else loads.reshape(-1, 2))
         temps = np.array([REFERENCE] if temps is None else np.ravel(temps))
@@ -193,7 +193,7 @@ class Law:
             velocity: joint velocity [rad/s or m/s], any shape.
 
         Returns:
-            Torque of the sign of its effect [N.m or N], the shape of `velocity`.
+            Torque with the sign of tau_f [N.m or N], the shape of `velocity`.
         """
         v = np.asarray(velocity, dtype=np.float64)
         forwards, backwards = self.coulomb()
@@ -201,12 +201,12 @@ class Law:
 
 
 def with_element(law: Rate | Law, element: Element) -> Law:
-    """Return a rate law, or that of a law and its growth with the load, carried by a presliding element."""
+    """Return a law with this presliding element, and with the rate law and the growth that are given."""
     return replace(law, element=element) if isinstance(law, Law) else Law(rate=law, element=element)
 
 
 def rate_law(name: str) -> type[Rate]:
-    """Return the class of a rate law, `NAME-by-direction` of one that differs by direction.
+    """Return the class of a rate law; `NAME-by-direction` is the class with separate parameters for each direction.
 
     Raises:
         UnknownName: no such law; the message names the known ones.

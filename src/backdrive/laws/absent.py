@@ -1,4 +1,4 @@
-"""Kernels in the place of a number that no law has: every torque is NaN."""
+"""Kernels for KIND numbers that no law has: they return NaN."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def no_motion(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: f
 
 @leaf
 def nothing_ahead(p: Array, e: int, lo: float, hi: float, dp: float, dt: float):
-    """Numbers of a tick, of an element that has none without its state."""
+    """`ahead` of an element that does not offer it."""
     return np.nan, np.nan, np.nan
 
 
 @leaf
 def no_state(z: float, a: float, b: float):
-    """State of such an element."""
+    """`follow` of an element that does not offer it."""
     return np.nan
 
 
 @leaf
 def no_torque_of_states(p: Array, e: int, z: float, after: float, c: float, dt: float):
-    """Torque of such an element."""
+    """`torque` of an element that does not offer it."""
     return np.nan

@@ -126,7 +126,7 @@ class Rows:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def sections(self) -> int:
-        """Return the number of sections that the kernel runs through, the first number of the row; 0 where there are none."""
+        """Return the number of sections over which the kernel loops, which is the first number of the row; 0 for none."""
         return 0
 
     def row(self) -> np.ndarray:
@@ -176,9 +176,9 @@ class Rate(Rows):
     Attributes:
         SMOOTH: the law vanishes continuously at rest; it has no Coulomb torque that a presliding element could carry.
         SYMMETRIC: friction is equal in both directions for all parameters.
-        TIES: parameters that cannot be separated from a constant torque, and the parameters that they are set equal to if one
-            is fitted.
-        NEEDS: channels beyond the velocity, of `load` and `temperature`.
+        TIES: parameters that a fit cannot separate from a constant torque. If such a torque is fitted, each
+            takes the value of the parameter named here.
+        NEEDS: inputs besides the velocity: `load`, `temperature`, both or none.
         MARK: fraction added to p[0], the size of the row, as a mark for the kernels.
     """
 
@@ -241,13 +241,13 @@ class Element(Rows):
         STEADY: at constant velocity the torque is that of the rate law.
         ZONE: in a zone of low velocity the torque is zero, including the viscous part.
         SET_VALUED: at rest the torque balances all others; `step` returns 0 there, and `solve` holds the joint.
-        STATE_ROW: the state is a row, so that the kernel is `step(p, e, x, y, lo, hi, dp, dt) -> torque`, from the row x to the row
-            y, which may be the same. Otherwise it is one number z: `step(p, e, z, lo, hi, dp, dt) -> z, torque`. Where SLIDER or
-            ZONE is set, the motion that the viscous part sees is returned behind the torque.
+        STATE_ROW: the state is an array. `step(p, e, x, y, lo, hi, dp, dt) -> torque` reads it from x and writes the next to y,
+            which may be x. Otherwise the state is one number z, and `step(p, e, z, lo, hi, dp, dt) -> z, torque`. With SLIDER
+            or ZONE, `step` also returns the motion that the viscous part uses.
 
-    Most of a step may not depend on the state. A file that offers this part as `ahead(p, e, lo, hi, dp, dt) -> a, b, c`, and makes
-    its `step` of it, of `follow(z, a, b) -> after` and of `torque(p, e, z, after, c, dt)`, lets loops evaluate it for several ticks
-    at once.
+    Often most of a step does not depend on the state. Its file may then offer `ahead(p, e, lo, hi, dp, dt) -> a, b, c` for this
+    part, `follow(z, a, b) -> after` and `torque(p, e, z, after, c, dt)`, and compose `step` from these. Loops then evaluate
+    `ahead` for several ticks at once.
     """
 
     SLIDER: ClassVar[bool] = False

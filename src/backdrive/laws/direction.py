@@ -2,9 +2,8 @@
 
     hi = hi_p,   lo = lo_n,   viscous = viscous_p where v >= 0,   viscous_n where v < 0
 
-p, n: bounds and viscous part of the rate law with the numbers of motion along +q and along -q. Those along -q have the names of the
-law's parameters and `_backward` behind them. A rate law that already has parameters for both directions (`coulomb-viscous`)
-is not changed.
+p, n: bounds and viscous part of the rate law with the parameters for motion along +q and along -q. The names of the parameters
+along -q end in `_backward`. A rate law that already has parameters for both directions (`coulomb-viscous`) is not changed.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from backdrive.laws.base import Rate
 
 BEHIND = "-by-direction"  # the name of the rate law
 BACKWARD = "_backward"  # the name of a parameter along -q
-MARK = 0.25  # added to p[0], the number of parameters before the element, where the rate law's row is there twice
+MARK = 0.25  # added to p[0], the number of parameters before the element, if they contain the rate law's row twice
 
 R = TypeVar("R", bound=Rate)
 
@@ -126,7 +125,7 @@ def by_direction(forward: R, backward: R) -> ByDirection:
         backward: of motion along -q, of the same class.
 
     Raises:
-        InvalidInput: they are of two classes, or of one that has both directions by itself.
+        InvalidInput: the two classes differ, or the class already has parameters for each direction.
 
     Example:
         >>> by_direction(Coulomb(coulomb=5.0), Coulomb(coulomb=4.0)).coulomb_backward

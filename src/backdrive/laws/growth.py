@@ -2,11 +2,11 @@
 
     hi += mu (|l| - l_0),   lo -= mu (|l| - l_0),   mu = mu_d where l v > 0,   mu_b elsewhere
 
-l: load of the joint, that is, its torque of gravity and inertia: the negative of the external torque of the pair `load` [N.m
-or N]. mu_d: growth where the motor drives the load, mu_b: where the load drives the motor back [-]. l_0: load under which the
-curve was identified; an unknown load (NaN) counts as l_0, without growth. A smaller load narrows the bounds, but never so far
-that friction would drive the joint. Friction in proportion to the transmitted torque: Dohring, Lee, Newman, ICRA 1993; two
-directions of power: Wang, Kim, ICRA 2015.
+l: load of the joint, its torque of gravity and inertia [N.m or N]. It is the negative of the external torque in the pair `load`.
+mu_d, mu_b: growth if the motor drives the load, and if the load drives the motor back [-]. l_0: load under which the curve was
+identified [N.m or N]. An unknown load (NaN) causes no growth. A smaller load narrows the bounds, but never so far that friction
+would drive the joint. Friction in proportion to the transmitted torque: Dohring, Lee, Newman, ICRA 1993; two directions of
+power: Wang, Kim, ICRA 2015.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from backdrive._jit import leaf
 from backdrive._types import Array, Pair
 from backdrive.laws.base import Parameter, Rows
 
-ROW = 3  # numbers, behind those of the rate law
-MARK = 0.5  # added to p[0], the number of parameters before the element, where the last of them are these
+ROW = 3  # numbers of the growth in a row, behind those of the rate law
+MARK = 0.5  # added to p[0], the number of parameters before the element, if the last of them are the growth's
 
 
 @leaf
@@ -33,7 +33,7 @@ def beyond(carried: float, load: Pair):
 
 @leaf
 def widen(bound: float, by: float, weakening: float):
-    """A bound >= 0 plus `by`, which may be negative; the result is at least the part of the torque that decreases with speed."""
+    """A bound >= 0 plus `by` (of any sign). A decrease ends at `weakening`, the part of the viscous torque that drives."""
     least = min(bound, weakening)
     after = bound + by
     return least if after < least else after
@@ -89,8 +89,8 @@ def pairs(load: np.ndarray | float | None, shape: tuple[int, ...]) -> np.ndarray
     """Return loads as pairs of motor-side and external torque, of the shape of the velocities and a last axis of two.
 
     Args:
-        load: that a joint carries [N.m or N], one number or of the shape; or pairs already, of the shape and (2,); None: unknown.
-        shape: of the velocities.
+        load: load of the joint [N.m or N]: one number, an array of this shape, or pairs with a last axis of two; None: unknown.
+        shape: shape of the velocities.
 
     Raises:
         ValueError: the shapes do not match.

@@ -26,7 +26,7 @@ from backdrive.laws.elements import none
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-STEPS = 60  # of `solve` at most; line sections need a handful
+STEPS = 60  # of each phase of `solve`; curves of line sections need a handful
 CLOSE = 1e-14  # relative residual of the balance at which `solve` ends
 FASTEST = 1e100  # velocities are limited to this speed, so that nothing overflows [rad/s or m/s]
 
@@ -36,17 +36,17 @@ def among(classes: Iterable[type[Element]]) -> int:
     return sum(1 << kind for kind in {c.KIND for c in classes})
 
 
-#: Elements whose state is a row, and the others: those whose viscous part sees another motion than the joint's, and the rest.
+#: Elements whose state is a row; of the others, those whose viscous part uses another motion than the joint's; and the rest.
 WIDE = [c for c in ELEMENTS.values() if c.STATE_ROW]
 MOVERS = [c for c in ELEMENTS.values() if c.SLIDER or c.ZONE]
 PLAIN = [c for c in ELEMENTS.values() if c not in WIDE and c not in MOVERS]
-#: Elements of which most can be evaluated before the state is known: their files have `ahead`, `follow` and `torque` too.
+#: Elements whose step hardly depends on the state: their files also have `ahead`, `follow` and `torque`.
 FOLLOWERS = [c for c in PLAIN if hasattr(sys.modules[c.__module__], "ahead")]
 FOLLOWS = among(FOLLOWERS)
 ROWS, MOVES, HOLDS = among(WIDE), among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
 MARKED = True  # a law may grow with the load or differ by direction: p[0] may hold a fraction
 curve = choice(kernels_of(RATES.values(), "limits"), absent.no_curve)
-#: Rate laws for one velocity at a time, in place of those that a compiler makes vectors of. The numbers are the same.
+#: Variants of rate laws for one velocity at a time; the others suit vector instructions. Both give the same numbers.
 ONE_AT_A_TIME = {
     module.limits: module.limits_of_one
     for module in (sys.modules[law.__module__] for law in RATES.values())
@@ -102,7 +102,7 @@ def step(rate: int, element: int, p: Array, x: Array, dp: float, dt: float, load
 
 @leaf
 def begin(p: Array):
-    """Return where the element's row begins: never below 0, as a compiler sees, so that no place is counted from the end."""
+    """Return where the element's row begins. The mask tells the compiler that the index is not negative."""
     return 1 + (int(p[0]) & MOST)
 
 
@@ -148,7 +148,7 @@ def step_one(  # noqa: PLR0913  (a kernel's row)
 
 @ladder
 def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair, temp: float):
-    """Bounds of an element at velocity v and the viscous part: what weakens with speed narrows the bounds."""
+    """Bounds of an element at velocity v, and the viscous part. A viscous part that would drive narrows the bounds instead."""
     lo, hi, viscous = limits_of(rate, plain, p, v, load, temp)
     if not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
         weaker = min(abs(viscous), hi if v > 0.0 else -lo)
@@ -165,11 +165,11 @@ def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair,
 def solve(  # noqa: PLR0912  (a kernel calls little; its row)
     rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
 ):  # fmt: skip
-    """Velocity at the end of a step of a mass under this friction, implicit in the friction; `x` is not changed.
+    """Velocity of a mass after a step, implicit in the friction; `x` is not changed.
 
-    v + dt/m friction(v dt) = v_free, the velocity that the step would end with without friction. If friction is set-valued, v
-    + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free. If friction jumps at rest (a slipping element of GMS, a bristle of
-    the reset integrator after break-away), v may lie next to the jump. A `step` over v dt then advances the state.
+    It solves v + dt/m friction(v dt) = v_free, where v_free is the velocity after a step without friction. For set-valued
+    friction, v + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free. If friction jumps at rest (a slipping element of GMS, a
+    bristle of the reset integrator after break-away), v may lie next to the jump. Call `step` with v dt to advance the state.
     """
     if not np.isfinite(v_free):
         return np.nan
@@ -178,7 +178,7 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
             return 0.0
     toward, close = 1.0 if v_free > 0.0 else -1.0, 0.0
-    # a: a speed at which friction is too weak; b: one at which it is too strong; before it is met, infinite
+    # a: a speed at which friction is too weak; b: a speed at which it is too strong, infinite until one is known
     a, excess_a, b, excess_b = 0.0, 0.0, np.inf, np.inf
     speed, growth_of_b, side = 0.0, 2.0, 0
     for k in range(-1, 3 * STEPS):
@@ -210,7 +210,7 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
             if side < 0:
                 excess_b *= 0.5
             side = -1
-        # regula falsi, a side that stays halved (Illinois): exact where the curve is a straight line; then bisection
+        # regula falsi, exact for a straight line, with half the residual at an end that stays (Illinois); then bisection
         speed = b - excess_b * (b - a) / (excess_b - excess_a) if k < 2 * STEPS else 0.5 * (a + b)
         if not a < speed < b:
             break
@@ -234,7 +234,7 @@ def _excess(  # noqa: PLR0913  (a kernel's row)
 
 @ladder
 def _try_step(rate: int, element: int, p: Array, x: Array, v: float, dt: float, load: Pair, temp: float):
-    """Friction torque of a trial step at velocity v; a resulting state of several numbers is written behind the state."""
+    """Friction torque of a trial step at velocity v; if the state is a row, the next one is written behind it in `x`."""
     v = slow(v)
     if ROWS >> element & 1:
         return step_at(rate, element, False, p, x, x[x.size // 2 :], v, v * dt, dt, load, temp)
@@ -275,7 +275,7 @@ def plain(rows: np.ndarray) -> bool:
 
 
 def parts(rates: Iterable[int], elements: Iterable[int] = (), plain: bool = False) -> dict[Any, Any]:
-    """Return what `assemble` puts into a kernel that meets only these kinds of rate laws and elements.
+    """Return the replacements by which `assemble` fits a kernel to these kinds of rate laws and elements.
 
     Args:
         rates: kinds.
@@ -289,7 +289,7 @@ def parts(rates: Iterable[int], elements: Iterable[int] = (), plain: bool = Fals
         result |= {kernel: tuple(which) for kernel in elements_kernels}
         for name, kinds in sets.items():
             inside = {kinds >> kind & 1 for kind in which}
-            if len(inside) == 1:  # all bits or none, so that nothing has to be looked at
+            if len(inside) == 1:  # all bits or none, so that no kind has to be looked up
                 result[__name__, name] = -inside.pop()
     if plain:
         result[__name__, "MARKED"] = False
@@ -299,12 +299,12 @@ def parts(rates: Iterable[int], elements: Iterable[int] = (), plain: bool = Fals
 def of_kinds(
     kernel: F, rates: int | Iterable[int], elements: int | Iterable[int] = (), plain: bool = False
 ) -> F:
-    """Return a kernel that takes the same arguments and knows only these laws, and so is compiled and runs faster.
+    """Return a kernel with the same arguments for these laws only, which compiles and runs faster.
 
     It evaluates them at one velocity at a time.
 
     Args:
-        kernel: that calls kernels of this module, or one of them.
+        kernel: a kernel of this module, or one that calls such kernels.
         rates: kind of the rate law, or of several.
         elements: kind of the element, or of several; none for a kernel that needs none.
         plain: no law grows with the load or differs by direction.

@@ -179,14 +179,14 @@ def facts(kind: Kind) -> list[str]:
             else "Friction may differ between the two directions."
         )
         if kind.NEEDS:
-            said.append(f"Beyond the velocity it needs: {', '.join(kind.NEEDS)}.")
+            said.append(f"Besides the velocity it needs: {', '.join(kind.NEEDS)}.")
         return said
     if kind.STEADY and not kind.SET_VALUED and not any("drift" in claim for claim in said):
         said.append(f"Vibration below break-away {'drifts' if kind.DRIFTS else 'does not drift'}.")
     if kind.STEADY:
         said.append("At constant velocity the torque converges to that of the rate law.")
     said.append(
-        f"The viscous part of the rate law sees the velocity of the {'slider' if kind.SLIDER else 'joint'}."
+        f"The viscous part of the rate law uses the velocity of the {'slider' if kind.SLIDER else 'joint'}."
     )
     if kind.SET_VALUED:
         said.append(

@@ -20,17 +20,17 @@ def mahvash_okamura(
 ) -> Compensator:
     """Return Mahvash and Okamura's compensator with a rate law: Iwatani 2017, (2.22).
 
-    With Coulomb friction alone it is the thesis' MO, (2.24); with a linear viscosity MOL, (2.25); with an identified curve MOP. The
-    viscous part sees the encoder's velocity, as in (2.22b); in algFC, (3.27j), it sees the slider's. Where the curve rises,
-    both forms are (2.22). Where it falls, the printed form adds phi_0 < 0 to a contact that is not yet stretched, and so
-    resists a beginning motion. By default the fall narrows the contact's bounds instead. This gives the same torque in
-    sliding, and the estimated friction is passive.
+    The thesis calls it MO with Coulomb friction alone, (2.24), MOL with linear viscosity, (2.25), and MOP with an identified
+    curve. The viscous part uses the encoder's velocity, as in (2.22b), while that of algFC, (3.27j), uses the slider's. If the
+    curve rises, the default and the printed form both equal (2.22). If it falls, the printed form adds phi_0 < 0 to a contact
+    that is not yet stretched, and so resists the start of a motion. By default the fall narrows the contact's bounds instead.
+    This gives the same torque in sliding, and the estimated friction is passive.
 
     Args:
         rate: rate law, or the law whose rate law and growth with the load are taken.
         stiffness: K [N.m/rad or N/m].
         share: R [-].
-        literal: as printed, also where the curve falls.
+        literal: use the printed form even if the curve falls.
     """
     element = (
         HaywardArmstrong(stiffness=stiffness)
@@ -48,7 +48,7 @@ def alg_fc(
     dither: Dither | None = None,
     share: float = SHARE,
 ) -> Compensator:
-    """Return algFC, Iwatani 2017, (3.27): with `decay_rate` 0 its C and CD, otherwise P and PD.
+    """Return algFC, Iwatani 2017, (3.27): its variants C and CD if `decay_rate` is 0, otherwise P and PD.
 
     Args:
         rate: rate law, or the law whose rate law and growth with the load are taken.
@@ -96,7 +96,7 @@ def aung(
 ) -> Compensator:
     """Return a compensator of three parts after Aung, Kikuuwe and Yamamoto (ASME JDSMC 137(5), 2015).
 
-    At rest a dither limited to a few counts, in motion the rate law, and in between a visco-elastic contact.
+    At rest a dither of a few counts acts, in motion the rate law, and in between a visco-elastic contact.
 
     Args:
         rate: rate law, or the law whose rate law and growth with the load are taken.

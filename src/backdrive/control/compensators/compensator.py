@@ -57,9 +57,9 @@ DITHERED, BEYOND = True, True  # there may be a dither, or something extra
 def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):  # noqa: PLR0913  (a kernel's row)
     """Return the torque of one tick in two parts: the compensation, and the dither.
 
-    `c[i:]`: row, `p`, `x`: the law and its state, `s[j:]`: state. q: encoder, dp: its increment, t: time, error and slope:
-    position error of the reference and its rate, u: torque that acted meanwhile, minus gravity. `idle`: the extra torque is
-    off.
+    `c[i:]`: row. `p`, `x`: law and its state. `s[j:]`: state. q: encoder. dp: its increment. t: time. error, slope: reference
+    minus position, and its rate. u: torque that acted since the last tick, minus gravity. `idle`: the extra torque is off, and
+    the amplitude of the dither stays.
     """
     kind = int(c[i + EXTRA])
     push, wave = 0.0, 0.0

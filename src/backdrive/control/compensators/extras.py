@@ -1,15 +1,15 @@
 """Parts of a compensator beyond a friction model: pulses, an observer of LuGre's bristle, a disturbance observer.
 
-Pulses (impulsive control) move a joint that is stuck off its reference: while nothing has moved for `wait` and the reference is
-further away than `tolerance`, a torque beyond break-away is given for `width`; it moves the joint by about
-(f - F_c) f w^2/(2 M F_c).
+Pulses (impulsive control) move a joint that is stuck away from its reference. A pulse starts if the encoder has not changed
+for `wait` and the position error exceeds `tolerance`. For w = `width`, a torque f above break-away then acts on the inertia M,
+and moves the joint by about (f - F_c) f w^2/(2 M F_c).
 
-The LuGre observer runs the bristle with the tracking error e = r - q, e_f = e' + lambda e, as its correction,
+The LuGre observer corrects the bristle by the filtered tracking error e_f = e' + lambda e with e = r - q,
 
     z' = v - sigma_0 |v| z/s(v) + k e_f,   f = theta b + viscous(v),   b = sigma_0 z + sigma_1 z',   theta' = gamma e_f b
 
-(C. Canudas de Wit, P. Lischinsky, Int. J. Adapt. Control Signal Process. 11, 1997); theta stays within its bounds, |z| below
-s/sigma_0, and gamma = 0 leaves it at 1. The disturbance observer treats every deviation of the motion from the model as
+(C. Canudas de Wit, P. Lischinsky, Int. J. Adapt. Control Signal Process. 11, 1997). theta stays within its bounds, and |z| below
+s/sigma_0. With gamma = 0, theta stays 1. The disturbance observer treats every deviation of the motion from the model as
 unmodelled friction, and cancels it up to a limit. It cancels the force of a hand as well: use it for tracking, not for hand
 guiding.
 """
@@ -90,8 +90,8 @@ class Extra(WithBounds, ABC):
 
     Attributes:
         KIND: number of its kernel, 1 to 62.
-        KERNEL: the torque of one tick, of all the arguments that `pulse` has; share: of the friction that is compensated.
-        INSTEAD: it replaces the model, since it runs the law itself.
+        KERNEL: function with the arguments of `pulse` that returns the torque of one tick; its `share` is R.
+        INSTEAD: it replaces the friction model, since it evaluates the law itself.
     """
 
     KIND: ClassVar[int]
@@ -119,8 +119,8 @@ class Pulses(Extra):
     Attributes:
         height: beyond break-away [N.m or N].
         width: of a pulse [s].
-        wait: without a count before one [s].
-        tolerance: of the reference [rad or m].
+        wait: time without an encoder count before a pulse [s].
+        tolerance: position error up to which there is no pulse [rad or m].
     """
 
     KIND: ClassVar[int] = 1

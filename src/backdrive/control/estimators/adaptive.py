@@ -25,8 +25,8 @@ FAR = 10.0  # accepted range of an interval: from the inverse of this factor to 
 def tick(P, X, S, held, dp, g, codes, q, tau, dt, nominal):  # noqa: PLR0913  (a kernel's row)
     """One tick of all joints; returns the worst status.
 
-    `P`, `X`, `S`, `held`, `dp` are the laws' as in `engine.tick.advance`; a NaN increment lets a joint keep its state.
-    `g`: settings, position before, time since then, whether there is one, level and torque (11, J).
+    `P`, `X`, `S`, `held`, `dp` are the arguments of `engine.tick.advance`; with a NaN increment, a joint keeps its state.
+    `g`: settings, previous position, time since then, whether there is one, level and torque (11, J).
     """
     joints = codes.size
     worst = OK

@@ -47,11 +47,11 @@ class ArmForce(WithBounds):
         filters: of the encoders, for `direct`; empty: those of the bandwidth.
         method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`.
         bandwidth: L [1/s].
-        coupling: C of q_joint = C q_motor, a row a joint; positions, torques, velocities, all that is stated here, and what is
-            estimated but the wrench, are then those of the motors; None: each motor drives its own joint.
+        coupling: C of q_joint = C q_motor, one row for each joint. With it, all inputs, settings and estimates except the wrench
+            are those of the motors. None: each motor drives its own joint.
         frame: at which a wrench is wanted; None: none. An arm of fewer than six joints shows only a part of it; the rest is
             set to zero, with a large standard deviation.
-        force_rate: None; a rate of the force is for single joints.
+        force_rate: always None, since only estimators of single joints use it.
     """
 
     BOUNDS: ClassVar = {"bandwidth": POSITIVE}
@@ -156,7 +156,7 @@ class ArmForce(WithBounds):
         return 1.0 / self.bandwidth + dt if gains is None else lag_of(gains(self, dt)[:3]) * dt  # type: ignore[arg-type]
 
     def row(self, dt: float) -> np.ndarray:
-        """Return the row that the kernel reads, 14 numbers and so many a joint."""
+        """Return the row that the kernel reads: 14 numbers, and ROW numbers for each joint."""
         J = len(self.joints)
         c = np.zeros(k.GLOBAL + k.ROW * J)
         c[k.METHOD], c[k.BAND], c[k.PERIOD] = k.METHODS.index(self.method), self.bandwidth, dt
@@ -188,7 +188,7 @@ class ArmForce(WithBounds):
         return tuple(MotionFilter.of_bandwidth(self.bandwidth, a) for a in follow)
 
     def damping(self) -> np.ndarray:
-        """Return P, the information of ten times the deviations in the median posture [1/N^2, 1/(N.m)^2], (6,).
+        """Return P, the inverse variance at ten times the deviations in the median posture [1/N^2, 1/(N.m)^2], (6,).
 
         With fewer than six joints, some directions are unobservable in every posture. The deviations are then those of the
         best observable force and moment.
@@ -269,7 +269,7 @@ class ArmForce(WithBounds):
 
 
 def robot_of(model: FrictionModel, robot: str | Path | Robot) -> Robot:
-    """Return the robot of a model of an arm, tools beyond the model's joints held.
+    """Return the robot of an arm's model; joints of a tool that are not in the model are fixed.
 
     Args:
         model: of friction.
@@ -287,9 +287,9 @@ def robot_of(model: FrictionModel, robot: str | Path | Robot) -> Robot:
 
 
 def deviations(friction: JointFriction) -> tuple[float, float]:
-    """Return the standard deviations of the torque that a model leaves of a joint, moving and at rest [N.m or N].
+    """Return the standard deviations of the torque that a joint's model does not explain, in motion and at rest [N.m or N].
 
-    At rest it is that of a band as wide as the friction; a model without bands is taken to leave a tenth of the friction.
+    At rest, the half-width of the band is at least the friction. Without bands, it is a tenth of the friction in motion.
     """
     size = max(at_rest(friction.law), 1e-6)
     half = 0.1 * size

@@ -94,7 +94,7 @@ class ArmBodies:
     def calls_at_motors(
         self, method: str, rows: np.ndarray, joints: np.ndarray, coupling: np.ndarray
     ) -> tuple[Callable[[], object], np.ndarray, np.ndarray, np.ndarray]:
-        """Return the same for motors that drive several joints: what pinocchio has of the joints is brought to them.
+        """Return the same for motors that drive several joints: pinocchio's results are transformed to the motors.
 
         Args:
             method: of the estimator.

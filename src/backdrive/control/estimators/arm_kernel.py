@@ -1,21 +1,21 @@
 """The compiled part of the external-force estimate of a whole arm, before and after the call of pinocchio.
 
-With n = u - h - g - tau_f - o, M the bodies and the motors' own inertias, per tick T:
+With n = u - h - g - tau_f - o, and M the inertia of bodies and motors, the methods compute in each tick T:
 
     direct        M a + h + g + tau_f + o - u, v and a of a `MotionFilter`; Iwatani 2017, (4.4)
     momentum      r <- L (M v - S - T m)/(1 + L T),   S <- S + T (m + r),   m = n + h + C' v;  De Luca, Mattone, IEEE ICRA 2005
     disturbance   y <- (y + L T (M a - n))/(1 + L T), a differenced twice
     extended, kalman   an observer of q, v, tau_e:  a = M^-1 (n + tau_e),  tau_e <- tau_e + g_3 M e/T^2
 
-The bodies are taken in the middle of the tick, where the differenced velocity is right. Friction that grows with the load
-uses the torque that the joint carries: that of the bodies minus the external torque. The wrench w at a frame follows from
-tau_e = J' w by
+The rigid bodies are evaluated at the middle of the tick, because the differenced velocity belongs to this instant. Friction
+that grows with the load uses the torque that the joint carries: that of the bodies minus the external torque. The wrench w at
+a frame follows from tau_e = J' w by
 
     (P + J S^-1 J') w = J S^-1 tau_e,
 
-S: variances of the joints' torques by state of motion, P: inverse variance of a very large wrench (`damping`).
+S: variances of the joints' torques, in motion or at rest; P: inverse variance of a very large wrench (`damping`).
 
-Where motors drive several joints, q_joint = C q_motor, all this is of the motors, at which friction acts: with C' M C, C' h, J C.
+If motors drive several joints (q_joint = C q_motor), all equations hold for the motors, with C' M C, C' h, C' g and J C.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ def before(c, s, io, dt):
 def after(c, s, io, P, X, M, bias, coriolis, jacobian, room, dt, temps):  # noqa: PLR0913  (a kernel's row)
     """Fill `io` with external torque, friction and wrench.
 
-    `M`: inertia of the bodies, upper triangle; `bias`: h + g, of `momentum` g with the Coriolis matrix beside it, of `direct`
-    all of M a + h + g; `room`: (J, J); `temps`: by joint.
+    `M`: inertia of the bodies, upper triangle. `bias`: h + g; for `momentum` only g, with `coriolis` as the rest; for `direct`
+    M a + h + g. `room`: work array, (J, J). `temps`: by joint.
     """
     J, L = int(c[JOINTS]), c[BAND]
     share = L * dt / (1.0 + L * dt)
@@ -136,7 +136,7 @@ def to_joints(C, rows, joints):
 
 @jit
 def to_motors(C, M, bias, coriolis, own, level, turning, room):
-    """Fill inertia, bias and Coriolis matrix at coupled motors: C' M C, C' bias, C' coriolis C; of M the upper triangle is read."""
+    """Fill inertia, bias and Coriolis matrix at coupled motors: C' M C, C' bias, C' coriolis C; only M's upper triangle is read."""
     J = C.shape[0]
     for i in range(J):
         for j in range(J):
@@ -205,7 +205,7 @@ def _disturbance(c, s, io, M, J, share, dt):
 @jit
 def _observe(c, s, io, M, room, J, L, dt):
     g_1, g_2, g_3 = c[GAINS], c[GAINS + 1], c[GAINS + 2]
-    if abs(dt - c[PERIOD]) > 0.1 * c[PERIOD]:  # gains are in ticks, those of a tick of another length from L
+    if abs(dt - c[PERIOD]) > 0.1 * c[PERIOD]:  # gains depend on the tick: new ones for another length
         g_1, g_2, g_3 = threefold(L, dt)
     for j in range(J):
         for m in range(j + 1):

@@ -55,7 +55,7 @@ class ArmForceTick:
     """
 
     def __init__(self, settings: ArmForce, period: float):
-        """Reserve the room, and compile.
+        """Allocate the work arrays, and compile the kernels.
 
         Args:
             settings: the estimator.
@@ -114,7 +114,7 @@ class ArmForceTick:
         return bool(self.wrench_row[-1] > SINGULAR)
 
     def reset(self, position: np.ndarray | None = None, velocity: np.ndarray | None = None) -> None:
-        """Forget everything.
+        """Reset the estimator.
 
         Args:
             position: positions of the joints [rad or m], (J,); None: those of the next tick.
@@ -136,7 +136,7 @@ class ArmForceTick:
                 own[:, k.Y] = M @ v
 
     def bodies_only(self) -> None:
-        """Ask pinocchio for the bodies at the last reading, as each tick does."""
+        """Evaluate the rigid bodies at the last reading, as each tick does."""
         self._bodies()
         if self._frame is not None:
             self._jacobian = self._jacobian_of(self._model, self._data, self._at, self._frame, self._axes)

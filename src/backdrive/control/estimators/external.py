@@ -15,9 +15,9 @@ are
 
 L has the same meaning for all methods: the estimate of a force that grows at a constant rate lags by 1/L + T, and a constant
 force is estimated without error. `lag` returns this lag. It determines p, about 3 L, and the default force rate of the Kalman
-filter. For `direct` the filter determines the lag (`MotionFilter.of_bandwidth`). v is differenced. The last two take the
-position as measured and difference nothing: one encoder count moves `disturbance` by L M count/T and a raw second difference
-by M count/T^2.
+filter. For `direct` the filter determines the lag (`MotionFilter.of_bandwidth`). v is differenced. `extended` and `kalman` use
+the measured position and difference nothing. For comparison, one encoder count changes `disturbance` by L M count/T, and a
+raw second difference by M count/T^2.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def observe(c, i, s, j, q, dp, T, n):
     """An observer: predict with the applied torque, correct with the measured position."""
     M, L = c[i + 1], c[i + 4]
     g_1, g_2, g_3 = c[i + 5], c[i + 6], c[i + 7]
-    if abs(T - c[i + 8]) > 0.1 * c[i + 8]:  # gains are in ticks, those of a tick of another length from L
+    if abs(T - c[i + 8]) > 0.1 * c[i + 8]:  # gains depend on the tick: new ones for another length
         g_1, g_2, g_3 = threefold(L, T)
     d = s[j + 8]
     acceleration = n / M + d
@@ -111,8 +111,8 @@ PLACES = sum(m.places << kind for kind, m in enumerate(KNOWN.values()))
 def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):  # noqa: PLR0913  (a kernel's row)
     """Return external force and friction of one tick.
 
-    `c[i:]`: row, `p`, `x`: friction law and its state, `s[j:]`: state. q: encoder, dp: its increment, u: torque that acted
-    meanwhile, known: torque of gravity and of other joints beyond that of the row, level: factor on the friction.
+    `c[i:]`: row. `p`, `x`: friction law and its state. `s[j:]`: state. q: encoder. dp: its increment. u: torque that acted since
+    the last tick. known: torque of gravity and of other joints besides that of the row. level: factor on the friction.
     """
     tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
     n = u - known - tau_f - c[i + OFFSET]
@@ -198,8 +198,8 @@ class ExternalForce(WithBounds):
 
         Args:
             model: of friction.
-            joint: name or number; of a whole arm the `Path` of its description, or the `Robot`: `ArmForce.from_model`, which also
-                takes a frame.
+            joint: name or number. For a whole arm, the `Path` of its description or the `Robot`: this calls
+                `ArmForce.from_model`, which also takes a frame.
             method: as above.
             bandwidth: L [1/s].
 

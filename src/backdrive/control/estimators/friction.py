@@ -1,4 +1,4 @@
-"""Friction torque of a joint from its encoder alone: any law of `backdrive.laws`, and the thesis' with a decay rate that switches.
+"""Friction torque of a joint from its encoder alone: any law of `backdrive.laws`, or the thesis' law with switching decay rate.
 
 CT, Iwatani 2017, (4.17): a dead zone of velocity. HA, (4.8): Hayward and Armstrong's contact. algFE, (4.16): the decaying
 contact. All of these are laws, run along the increments of the encoder. algFE2, (4.20), is the decaying contact whose rate goes
@@ -7,8 +7,8 @@ from alpha_N at rest to alpha_H in motion and back:
     w <- min(w + r_W T, 1)  where the joint moved by more than V_W T,  else  max(w - r_W T, 0)
     alpha = (1 - w) alpha_N + w alpha_H
 
-(the thesis prints max and min exchanged, so that w would leave [0, 1]; and it prints a step R_W per sample, here r_W = R_W/T).
-Velocities are whole encoder counts a tick; a threshold that falls on one is put half a count above it.
+The thesis prints max and min exchanged, by which w would leave [0, 1]. It also prints a step R_W per sample; here r_W = R_W/T.
+Measured velocities are whole encoder counts per tick. `between_counts` puts a threshold half a count above one of them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ROW = 8  # rate, element, place of alpha in the row or 0, alpha_N, alpha_H, r_W,
 
 @jit
 def bounds(rate, p, v, load, temp):
-    """Return lower and upper bound and the viscous part of a rate law, compiled once for all that ask."""
+    """Return lower and upper bound and the viscous part of a rate law, compiled once for all callers."""
     return kernels.limits(rate, p, v, load, temp)
 
 
@@ -59,10 +59,10 @@ class FrictionEstimator(WithBounds):
     Attributes:
         law: friction law.
         fast_decay: alpha_H, rate in motion of a decaying law whose own rate is alpha_N [1/s]; None: the rate stays.
-        switch_rate: r_W, by which the weight of alpha_H comes and goes [1/s].
-        threshold: V_W, speed above which it comes [rad/s or m/s].
-        literal: the viscous part sees the encoder's velocity also where it falls, as Iwatani 2017, (2.22b), prints it; only with
-            `HaywardArmstrong`, whose viscous part otherwise sees the slider's.
+        switch_rate: r_W, rate at which the weight w of alpha_H rises and falls [1/s].
+        threshold: V_W, speed above which w rises [rad/s or m/s].
+        literal: the viscous part uses the encoder's velocity even if the curve falls, as printed in Iwatani 2017, (2.22b). Only
+            for `HaywardArmstrong`, whose viscous part otherwise uses the slider's velocity.
     """
 
     BOUNDS: ClassVar = {"fast_decay": NOT_NEGATIVE, "switch_rate": POSITIVE, "threshold": NOT_NEGATIVE}
@@ -129,7 +129,7 @@ def alg_fe2(
     fast_decay: float = 500.0,
     switch_rate: float = 10.0,
 ) -> FrictionEstimator:
-    """Return algFE2, the decaying contact that lets go faster in motion: Iwatani 2017, (4.20), corrected."""
+    """Return algFE2, the decaying contact that decays faster in motion: Iwatani 2017, (4.20), corrected."""
     law = with_element(rate, Decaying(stiffness=stiffness, decay_rate=decay_rate))
     return FrictionEstimator(law=law, fast_decay=fast_decay, switch_rate=switch_rate, threshold=threshold)
 

@@ -26,7 +26,7 @@ def lag(gains: Sequence[float] | np.ndarray) -> float:
     predict = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     missed = np.array(
         [1.0 / 6.0, 0.5, 1.0]
-    )  # of position, velocity and force, in a tick of a force that grows by one
+    )  # errors of position, velocity and force after a tick in which the force grows by one
     correct = np.eye(3) - np.outer(gains, [1.0, 0.0, 0.0])
     return float(np.linalg.solve(np.eye(3) - correct @ predict, correct @ missed)[2])
 
@@ -43,7 +43,7 @@ def by_poles(estimator: ExternalForce, dt: float) -> tuple[float, float, float, 
 def stationary(estimator: ExternalForce, dt: float) -> tuple[float, float, float, float]:
     """Return the gains of the stationary Kalman filter for a random walk of d = tau_e/M, and the equivalent pole.
 
-    Without a force rate, those that lag by 1/L + T: with r = (1 + L T/2)/(1 + 5 L T/2) the first gain is a = 1 - r^2, the others
+    Without a force rate, the gains are those that lag by 1/L + T. With r = (1 + L T/2)/(1 + 5 L T/2) they are a = 1 - r^2,
     b = 2 (2 - a) - 4 r and b^2/(2 a) (P. R. Kalata, IEEE Trans. Aerospace and Electronic Systems 20(2), 1984).
     """
     if estimator.force_rate is None:
@@ -57,7 +57,7 @@ def stationary(estimator: ExternalForce, dt: float) -> tuple[float, float, float
 
 
 def _riccati(walk: float, dt: float) -> tuple[float, float, float, float]:
-    """Return the stationary gains for a force that walks by so many counts a tick^2 in a tick, and the pole like them."""
+    """Return the stationary gains for a random walk of d, by `walk` [count/tick^2] per tick, and the equivalent pole."""
     from scipy.linalg import solve_discrete_are
 
     # lengths in counts and times in ticks, so that the equation is well scaled
@@ -66,5 +66,5 @@ def _riccati(walk: float, dt: float) -> tuple[float, float, float, float]:
     Q, R = np.diag([0.0, 0.0, walk**2]), np.array([[1.0 / 12.0]])
     P = solve_discrete_are(A.T, C.T, Q, R)
     K = (P @ C.T / (C @ P @ C.T + R)).ravel()
-    # of a threefold pole that corrects q by as much
+    # the pole: that of a triple pole with the same first gain
     return float(K[0]), float(K[1]), float(K[2]), float(-np.log(1.0 - K[0]) / (3.0 * dt))

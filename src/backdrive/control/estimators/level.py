@@ -5,24 +5,24 @@ and wear.
     e = tau - theta f,   e_d = e - clip(e, -d, d),   g = dt/(T + dt)
 
 f: torque of the law at theta = 1, whose state does not depend on theta. f_0: floor, below which nothing is learned. d:
-bound of what the law cannot explain. T: time constant. P: clip to [theta_lo, theta_hi]. This is the projected normalised
+bound of the torque that the law cannot explain. T: time constant. P: clip to [theta_lo, theta_hi]. This is the projected normalised
 gradient with a dead zone (G. C. Goodwin, K. S. Sin, Adaptive Filtering, Prediction and Control, 1984, Ch. 3; P. A. Ioannou,
 J. Sun, Robust Adaptive Control, 1996, Ch. 4 and 8).
 
 The error of theta never grows. Let tau = theta* f + n with |n| <= d and theta* within the bounds, and h = theta - theta*, so
-that e = n - h f. If |e| <= d nothing moves. Otherwise |h f| >= |e| - d = |e_d| > 0, and e_d has the sign of -h f: were h f of
-the sign of e, |n| = |e| + |h f| would exceed d. So e_d = -k h f with 0 < k <= 1, and before the clip
+that e = n - h f. If |e| <= d, theta does not change. Otherwise |h f| >= |e| - d = |e_d| > 0, and e_d has the sign of -h f. If h f
+had the sign of e, |n| = |e| + |h f| would exceed d. So e_d = -k h f with 0 < k <= 1, and before the clip
 
     h <- (1 - g k f^2/(f_0^2 + f^2)) h,   the factor within (0, 1] since 0 < g < 1.
 
-Clipping to an interval that holds theta* does not take theta further from it. Hence V = h^2 is non-increasing, whatever
-the motion; without noise (d = 0) every tick with |f| >= f_0 takes |h| down by a factor of 1 - g/2 or less, which is a factor
-of e within 2 (T + dt). With noise and a drift theta*', |h+| <= |h| - g/2 max(|h| - 2 d/f_0, 0) + |theta*'| dt while
-|f| >= f_0, which ends at 2 d/f_0 + 2 (T + dt) |theta*'| or below.
+Clipping to an interval that contains theta* does not increase |h|. Hence V = h^2 never increases, whatever the motion.
+Without noise (d = 0), each tick with |f| >= f_0 multiplies |h| by 1 - g/2 or less. After such ticks for 2 (T + dt), |h| has
+fallen to 1/e. With noise and a drift theta*', |h+| <= |h| - g/2 max(|h| - 2 d/f_0, 0) + |theta*'| dt while |f| >= f_0. In the
+limit, |h| is at most 2 d/f_0 + 2 (T + dt) |theta*'|.
 
-A small force of a hand cannot be separated from friction. So the loop does not learn at rest, nor until the joint has slid
-for longer than the lag of the force estimate. It does not learn from an error that no level within the bounds explains
-either, |e| > (theta_hi - theta_lo) |f| + d, since that is an external push. The bounds limit the effect of a light hand;
+A small force of a hand cannot be separated from friction. The loop therefore learns only after the joint has slid for longer
+than the lag of the force estimate. It also ignores an error that no level within the bounds explains,
+|e| > (theta_hi - theta_lo) |f| + d, since that is an external push. The bounds limit the effect of a light hand;
 `drift.passive_level` returns the upper bound that keeps the joint passive.
 """
 
@@ -43,7 +43,7 @@ TIE = 5e-7  # relative difference within which a speed is the slowest one [-]
 
 @leaf
 def learn(theta, f, force, slid, dt, time, settle, floor, dead_zone, lower, upper):  # noqa: PLR0913  (a kernel's row)
-    """Return the level after one tick of a loop that has slid for a time, by the external force estimated: e = -force."""
+    """Return the level after one tick, from the estimated external force: e = -force. `slid`: time for which the joint slides."""
     if not slid >= settle or not abs(force) <= (upper - lower) * abs(f) + dead_zone:
         return theta
     return adapt(theta, f, theta * f - force, dt, time, floor, dead_zone, lower, upper)
@@ -117,6 +117,6 @@ class Adaptation(WithBounds):
             )
         floor = 0.5 * F if self.floor is None else self.floor
         dead_zone = 0.05 * F if self.dead_zone is None else self.dead_zone
-        # often some counts in a tick: rounding must not decide at exactly that speed
+        # `slowest` is often a whole number of counts per tick, so rounding must not decide at this speed
         slowest = self.slowest * (1.0 - TIE)
         return self.time, slowest, self.settle, floor, dead_zone, self.lower, self.upper

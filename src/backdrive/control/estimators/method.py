@@ -15,13 +15,13 @@ class Method:
     """A method to estimate the external force.
 
     Attributes:
-        name: what a person calls it.
+        name: its name in settings and commands.
         kernel: `kernel(c, i, s, j, q, dp, T, n)`, the external force of a tick: `c[i:]` row, `s[j:]` state, q encoder, dp its
             increment, T length of the tick, n what motor, gravity and friction leave [N.m or N].
-        gains: three gains of its row and the bandwidth that goes with them, of an estimator and a sampling time [s].
+        gains: function of estimator and sampling time [s]: three gains of its row, and the bandwidth that belongs to them.
         places: the state at OBSERVER is a position.
         speed: place of the velocity in the state; 0 where it has none.
-        of_mass: times the inertia, that is, a momentum.
+        of_mass: the state contains the momentum instead of the velocity.
     """
 
     name: str

@@ -17,9 +17,9 @@ DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
 COUNTS = 8.0  # encoder steps that a contact of unknown stiffness deflects before it slides
 ABRUPT = 10.0  # force, relative to friction, that the filter of `direct` follows if the accelerations are unknown [-]
 CREEP = 0.05  # share of the top speed: sliding up to twice this speed determines friction at rest [-]
-STEEPER = 2.0  # a curve below a low speed, relative to its slope between that speed and twice that speed [-]
+STEEPER = 2.0  # largest slope of a curve below a low speed, relative to that above it [-]
 WIDTH = 1.96  # half a 95 % band, by its standard deviation
-BEND = {"rad": 1e-3, "m": 1e-4}  # the same where the encoder's count is unknown [rad or m]
+BEND = {"rad": 1e-3, "m": 1e-4}  # the deflection, if the encoder count is unknown too [rad or m]
 
 
 def fields(
@@ -34,7 +34,7 @@ def fields(
         friction: of a model.
         method: of the estimator.
         bandwidth: L [1/s].
-        acceleration: largest that the filter of `direct` is to follow [rad/s^2 or m/s^2]; None: what ten times the friction gives.
+        acceleration: largest that the filter of `direct` is to follow [rad/s^2 or m/s^2]; None: that by ten times the friction.
 
     Raises:
         NotIdentifiable: the model holds no inertia, or none that is positive.
@@ -61,7 +61,7 @@ def fields(
 
 
 def contact(friction: JointFriction) -> Law:
-    """Return a model's law on a decaying contact, with its own stiffness where it has one."""
+    """Return a model's law with a decaying contact, which keeps the stiffness of the law's element if there is one."""
     law = friction.law
     own = law.element
     stiffness = getattr(own, "stiffness", None)
@@ -73,7 +73,7 @@ def contact(friction: JointFriction) -> Law:
 
 
 def with_break_away(friction: JointFriction) -> JointFriction:
-    """Return a joint whose curve, where it is drawn through knots, starts at its break-away friction.
+    """Return a joint whose curve, if it is piecewise linear, starts at its break-away friction.
 
     The fit of a whole arm hardly determines the curve near zero speed, where the sign of the velocity is smoothed, and may
     give zero there. Friction at rest, which the estimate needs, is then that of slow sliding.
@@ -93,11 +93,11 @@ def with_break_away(friction: JointFriction) -> JointFriction:
 
 
 def with_slow_sliding(friction: JointFriction) -> JointFriction:
-    """Return a joint whose curve, where it is drawn through knots, falls towards zero speed only gently.
+    """Return a joint whose curve, if it is piecewise linear, does not fall steeply towards zero speed.
 
-    The fit of a whole arm hardly determines the curve near zero speed, and may let it vanish there. A compensator would follow
-    it with a negative viscosity, which trembles. Below a low speed, a curve may be at most `STEEPER` times as steep as between
-    that speed and twice that speed. Where it falls further, it is raised to that line.
+    The fit of a whole arm hardly determines the curve near zero speed, and may let it vanish there. A compensator would then
+    act as a negative viscosity, and the joint would tremble. Below a low speed, a curve may be at most `STEEPER` times as
+    steep as between that speed and twice that speed. Where it falls further, it is raised to that line.
 
     Args:
         friction: of a model.

@@ -9,17 +9,17 @@ standard deviation, one tick is
     forget:  P <- P + (1 - m)/m P phi phi' P / z,     z = phi' P phi,   m = 1 - (1 - lambda)(1 - tr P / n)
     learn:   theta <- theta + w P phi e / (1 + w z),  P <- P - w P phi phi' P / (1 + w z)
 
-e is the error of the prediction and w = c/(1 + (1 - c) z) its weight, c = min(1, gate sqrt(1 + z) / |e|): the step is that
-of an error clipped to its gate (Huber), so that no sample moves theta by more than gate sqrt(n) prior standard deviations.
-Only the direction that the new sample excites is forgotten (restricted exponential forgetting: R. Kulhavy, M. Karny, IFAC
-World Congress 1984; R. Kulhavy, Automatica 23(5), 1987), and less of it the larger the covariance is (bounded-gain
-forgetting: J.-J. Slotine, W. Li, Applied Nonlinear Control, 1991, 8.7). A sample with |phi| below 1 changes the torque by
-less than its noise, so it causes no forgetting.
+e: prediction error. w = c/(1 + (1 - c) z): its weight, with c = min(1, gate sqrt(1 + z) / |e|). This clips the error at the
+gate (Huber), so no sample changes theta by more than gate sqrt(n) prior standard deviations. Forgetting affects only the
+direction that the new sample excites (restricted exponential forgetting: R. Kulhavy, M. Karny, IFAC World Congress 1984;
+R. Kulhavy, Automatica 23(5), 1987). It becomes weaker as the covariance grows (bounded-gain forgetting: J.-J. Slotine,
+W. Li, Applied Nonlinear Control, 1991, 8.7). A sample with |phi| below 1 changes the torque by less than its noise, so it
+causes no forgetting.
 
-The covariance cannot wind up: |P phi|^2 <= tr(P) z, so forgetting leaves tr P <= tr(P)/m, and with x = tr(P)/n this is
-n x / (lambda + (1 - lambda) x) <= n for x <= 1. Since tr P = n at the start, tr P <= n at all times: the uncertainty never
-exceeds that of the prior. Without noise, V = d' P^-1 d of the parameter error d falls: forgetting lowers P^-1, and learning
-takes w e^2/(1 + w z) off V. Hence |d|^2 <= n V(0), whatever the motion.
+The covariance cannot wind up. Since |P phi|^2 <= tr(P) z, the trace after forgetting is at most tr(P)/m. With
+x = tr(P)/n <= 1, this bound is n x / (lambda + (1 - lambda) x) <= n. The trace starts at n and therefore never exceeds n: the
+uncertainty stays within that of the prior. Without noise, V = d' P^-1 d of the parameter error d never increases: forgetting
+lowers P^-1, and learning reduces V by w e^2/(1 + w z). Hence |d|^2 <= n V(0) for any motion.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ REGRESSORS: dict[str, tuple[int, str]] = {
     "offset": (7, "N.m"),
 }
 
-ALIKE = ({0, 1}, {0, 2}, {1, 2, 7})  # one of these is the sum of the others outside the dead zone
+ALIKE = ({0, 1}, {0, 2}, {1, 2, 7})  # not to be combined: they may depend on each other linearly
 DRY = 2  # regressors up to this one are Coulomb torques
 FRICTION = 3  # regressors up to this one are friction
 OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.SATURATED)
-ROUNDING = 1e-9  # of numbers that are equal for a single parameter
+ROUNDING = 1e-9  # relative tolerance for two numbers that are equal for a single parameter
 
 
 @leaf
@@ -75,7 +75,7 @@ def regressor(kind, q, v, a, dead_zone):  # noqa: PLR0911  (a kernel calls littl
 
 @leaf
 def learn(j, n, g, theta, P, phi, gain, e):
-    """Forget and learn from the error e [noise] of joint j; False, and nothing changed, where that would not be finite."""
+    """Forget and learn from the error e [noise] of joint j. Return False and change nothing if this would not be finite."""
     forgetting, gate = g[j, 2], g[j, 3]
     z, size, trace, reach = 0.0, 0.0, 0.0, 0.0
     for i in range(n):
@@ -94,7 +94,7 @@ def learn(j, n, g, theta, P, phi, gain, e):
     grown, m = 0.0, 1.0
     if (
         size >= 1.0 and trace < n and reach - trace * z <= ROUNDING * reach
-    ):  # the last holds for every covariance
+    ):  # the last condition holds for every covariance
         m = 1.0 - (1.0 - forgetting) * (1.0 - trace / n)
         grown = (1.0 - m) / m / z
     # after forgetting: P phi = gain/m, phi' P phi = z/m
@@ -116,8 +116,8 @@ def learn(j, n, g, theta, P, phi, gain, e):
 def tick(kinds, g, scale, theta, P, phi, gain, q, v, a, tau, value, out, friction, codes):  # noqa: PLR0913  (a kernel's row)
     """One tick of all joints; returns the worst status.
 
-    `theta` and `P` are the estimate in units of `scale` and its covariance, (J, n) and (J, n n); `value` is the estimate in SI
-    units, `out` and `friction` the predicted torque and its friction, in place; `phi`, `gain` are room to work in (n,).
+    `theta`, `P`: estimate in units of `scale`, (J, n), and its covariance, (J, n n). `value`: estimate in SI units. `out`,
+    `friction`: predicted torque, and its part that is friction, in place. `phi`, `gain`: work arrays, (n,).
     """
     joints, n = theta.shape
     worst = OK
@@ -211,7 +211,7 @@ class RecursiveLeastSquares:
         if n == 0 or len(set(kinds)) < n or any(same <= set(kinds) for same in ALIKE):
             raise InvalidInput(
                 f"The regressors {self.names} are empty, or some of them are linearly dependent.",
-                remedy="Name each once; take 'coulomb' with 'offset', or one Coulomb torque a direction without.",
+                remedy="Name each once; use 'coulomb' with 'offset', or a Coulomb torque for each direction without it.",
             )
         J = whole("joints", joints)
         tables = ((), (n,), (J, n))

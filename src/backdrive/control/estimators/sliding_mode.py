@@ -2,19 +2,19 @@
 
     u1' = u2,   u2' in -(H+1) G/2 sgn(sigma) - (H-1) G/2 sgn(u2),   sigma = 2 G (u1 - x) + |u2| u2
 
-x: input. u1: output, u2: its rate. G: rate of u2 that the filter allows as it follows [input/s^2]; H > 1: factor by which it
-decelerates harder when it is too fast to stop at x. Backward Euler with the period T has the closed form
+x: input. u1: output, u2: its rate. G: normal rate of u2 [input/s^2]. H > 1: factor on this rate if the filter is too fast to
+stop at x otherwise. Backward Euler with the period T has the closed form
 
     e = u1 - x,   s = G T,   w = -2 G e/(s + sqrt(s^2 + 2 G |e|))
     u2 <- u2 - clip(u2 - w, clip(u2, -H s, -s), clip(u2, s, H s)),   u1 <- u1 + T u2
 
-(the argument of the middle clip is the first). A step X is settled in 2 sqrt(X/G) without overshoot, a ramp v lags by v^2/(2 G).
+where clip(x, a, b) limits x. A step X settles in 2 sqrt(X/G) without overshoot; the output lags a ramp v by v^2/(2 G).
 S. Jin, R. Kikuuwe, M. Yamamoto, Advanced Robotics 26(8-9), 2012; the thesis cites a relative of it with the same two parameters
 (Iwatani 2017, Sec. 4.3.1).
 
-Three ways lead from an encoder to an acceleration (`motion`): the filter on the position, whose u2 is differenced (P); on the
-differenced position, whose u2 is the acceleration (V); one filter behind another (C). With the thesis' G = 10, H = 2 only P holds
-an admittance loop; C with 100 m/s^2 and 300 m/s^3 is the better choice.
+`motion` computes the acceleration in one of three ways. P filters the position and differences u2. V filters the differenced
+position, so that u2 is the acceleration. C puts the two filters in series. With the thesis' G = 10 and H = 2, only P keeps an
+admittance loop stable. C with 100 m/s^2 and 300 m/s^3 is the better choice.
 """
 
 from __future__ import annotations
@@ -100,13 +100,13 @@ class MotionFilter(WithBounds):
 
     @classmethod
     def of_bandwidth(cls, bandwidth: float, acceleration: float) -> MotionFilter:
-        """Return a filter on the differenced encoder that follows a steadily growing acceleration at most 1/L late.
+        """Return a filter of the differenced position whose acceleration lags by at most 1/L.
 
-        An acceleration a lags by a/G: up to the stated one that is at most 1/L.
+        A steadily growing acceleration lags by a/G at the value a. Here G is L times `acceleration`.
 
         Args:
             bandwidth: L [1/s].
-            acceleration: largest that is to be followed so [rad/s^2 or m/s^2].
+            acceleration: largest acceleration with this lag [rad/s^2 or m/s^2].
         """
         return cls(way="velocity", second_gain=bandwidth * acceleration)
 

@@ -1,1 +1,1 @@
-"""Presliding elements: how the torque of a rate law builds up and lets go. One file each."""
+"""Presliding elements: how the torque of a rate law builds up and relaxes at reversals, one file each."""

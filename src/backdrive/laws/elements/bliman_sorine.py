@@ -3,8 +3,8 @@
     x_1' = (F v - |v| x_1)/(eta e),   x_2' = (F v - |v| x_2)/e
     tau_f = (1 + b) x_1 - b x_2 + viscous(v)
 
-e: distance over which the slow bristle yields [rad or m]. eta < 1: ratio of the fast one's to it [-]. b: overshoot, how
-much of F the slow bristle takes back [-]. F: bound of the rate law in the direction of motion. In their letters
+e: distance over which the slow bristle yields [rad or m]. eta < 1: distance of the fast bristle, relative to e [-]. b: overshoot,
+the weight of the slow bristle [-]. F: bound of the rate law in the direction of motion. The paper's symbols are
 F_1 = (1 + b) F and F_2 = b F. Break-away from rest peaks at F (1 + b (1 - eta) r^(-eta/(1 - eta))), r = (1 + b)/(eta b),
 after a distance e eta/(1 - eta) ln r; after a reversal in sliding it overshoots by twice as much. Rate independent: only the
 path counts. One step is exact for a constant velocity. P.-A. Bliman, M. Sorine, Proc. 3rd European Control Conference, Rome,
@@ -42,7 +42,7 @@ class BlimanSorine(Element):
 
     Attributes:
         distance: e, over which the slow bristle yields [rad or m].
-        ratio: eta, the fast bristle's distance by the slow one's [-].
+        ratio: eta, distance of the fast bristle relative to that of the slow one [-].
         overshoot: b, weight of the slow bristle [-].
     """
 
@@ -74,7 +74,7 @@ class BlimanSorine(Element):
         return 2
 
     def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
-        """Return that bounds which change with speed may let it create energy, empty where they do not."""
+        """Return a warning if the bounds change with speed, which may create energy; otherwise an empty string."""
         if all(
             strongest <= weakest * (1.0 + 1e-12) for weakest, strongest, _ in rate.span(load, temperature)
         ):

@@ -2,11 +2,10 @@
 
     tau_f = gsgn(lo, v, hi) + viscous(v)   for |v| > V,   else 0
 
-V: half width of the zone [rad/s or m/s]. As a law of given motion it is (4.17): no friction inside the zone, so that a
-noisy velocity does not make the torque jump between the two directions. A mass under it (`solve`) needs no zone: an implicit
-step holds it exactly at rest, which is what Karnopp's zone was for, and lets it slide under the rate law at any other
-velocity. A velocity counted in encoder steps can fall on the threshold exactly: put V half a step off
-(`threshold + 0.5 count / dt`).
+V: half width of the zone [rad/s or m/s]. For a given motion the law is (4.17): without friction inside the zone, a noisy
+velocity does not switch the torque between the two directions. Karnopp used the zone to hold a mass at rest. `solve` needs no
+zone for this, since its implicit step holds a mass exactly; at any other velocity the rate law acts. A velocity in whole
+encoder steps can equal the threshold exactly, so choose V half a step away (`threshold + 0.5 count / dt`).
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from backdrive.laws.base import Element, Parameter
 
 @leaf
 def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
-    """State, which there is none of, torque, and motion of the viscous part after one tick: both 0 inside the zone."""
+    """Unused state, torque, and motion for the viscous part after one tick. Torque and motion are 0 inside the zone."""
     width = p[e] * dt
     if dp > width:
         return z, hi, dp

@@ -4,8 +4,8 @@
 
 p: position of the joint, q: of the slider. K: stiffness [N.m/rad or N/m]. alpha: decay rate [1/s]. The backward Euler step is
 a leaky clip: f = clip((f + K dp)/(1 + alpha dt), -F_n, F_p), Iwatani 2017, (3.12)-(3.21). At rest the torque fades with the time
-constant 1/alpha; at a constant velocity it is min(F, K v/alpha), so that below alpha F/K the law is a viscous one. With
-alpha = 0 it is (3.11). The viscous part sees the slider.
+constant 1/alpha. At a constant velocity it is min(F, K v/alpha), so below the velocity alpha F/K it acts as viscous friction.
+With alpha = 0 the law is (3.11). The viscous part uses the slider's velocity.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float)
     left, yielding = 1.0 / (1.0 + alpha * dt), 1.0 / K  # in a loop over ticks both divisions are done once
     trial = (z + K * dp) * left
     after, slid = trial, alpha * dt * yielding * trial
-    if trial > hi and not hi < lo:  # branches, so that a tick need not wait for the one before
+    if trial > hi and not hi < lo:  # branches can be predicted, so a tick need not wait for the last
         after, slid = hi, dp - (hi - z) * yielding
     elif trial < lo or trial > hi:
         after, slid = lo, dp - (lo - z) * yielding
@@ -76,7 +76,10 @@ class Decaying(Element):
         return 1
 
     def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
-        """Return whether friction drives the joint at low speed, where the viscous part is negative and the spring leaks."""
+        """Return a warning if friction would drive the joint at low speed; otherwise an empty string.
+
+        There the viscous part may be negative, while the spring carries little because it leaks.
+        """
         for way, curve in rate.curves(load, temperature).items():
             for speed, bound, viscous in curve:
                 held = (
@@ -84,7 +87,7 @@ class Decaying(Element):
                 )
                 if held + viscous < 0.0:
                     return (
-                        f"'{self.NAME}' carries {held:g} at the velocity {way * speed:g}, where the rate law takes off "
+                        f"'{self.NAME}' carries {held:g} at the velocity {way * speed:g}, where the falling curve subtracts "
                         f"{-viscous:g}: friction drives the joint. Lower decay_rate or raise stiffness."
                     )
         return ""

@@ -28,7 +28,7 @@ SECANTS, STEPS = 40, 100
 
 @leaf
 def plastic(w: float):
-    """a: share of the motion that slides, w of the way from the elastic limit to full sliding."""
+    """a: sliding share of the motion, at the fraction w of the range from the elastic limit to full sliding."""
     return 0.5 + 0.5 * sin(np.pi * (w - 0.5))
 
 
@@ -39,10 +39,10 @@ def yield_torque(g: float, R: float, S: float, b: float):
         return g + R
     if g >= S:
         return S if R > 1e16 * S else (g + R) / (1.0 + R / S)
-    low, high = 0.0, 1.0  # of w = (u/S - b)/(1 - b), where the residual below is < 0 and > 0
+    low, high = 0.0, 1.0  # two values of w = (u/S - b)/(1 - b), with a residual < 0 and > 0
     below, above = ((b * S - g) - R) / (S + R), (S - g) / (S + R)
     w, side = 0.0, 0
-    for k in range(STEPS):  # regula falsi, a side that stays halved (Illinois), then bisection
+    for k in range(STEPS):  # regula falsi, half the residual at an end that stays (Illinois), then bisection
         w = high - above * (high - low) / (above - below) if k < SECANTS else 0.5 * (low + high)
         if not low < w < high:
             break

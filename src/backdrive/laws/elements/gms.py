@@ -4,11 +4,14 @@
     tau_f = sum f_i + viscous(v),   sum w_i = 1
 
 k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share [-]. C: attraction, how fast slipping elements follow the rate law
-[N.m/s or N/s]. s(v): bound of the rate law in the direction of motion. The step is implicit in the slipping torque. An
-element that slips slowly takes on torque without motion: where s falls with speed, loading fast, slipping slowly and
-unloading gains (s(0) - s(v))^2 w_i^2/(2 k_i). The step is of first order: slipping begins at the end of a tick. On sines of 0.5 to
-2 Hz with C of 20 to 400 N.m/s a tick of 1 ms is off by 0.04 to 0.2 % of the torque's mean square root; two substeps take that
-down 1.5 to 3.5 times, five 4 to 13 times, ten 7 to 23 times. F. Al-Bender, V. Lampaert, J. Swevers, IEEE TAC 50(11), 2005.
+[N.m/s or N/s]. s(v): bound of the rate law in the direction of motion. F. Al-Bender, V. Lampaert, J. Swevers, IEEE TAC
+50(11), 2005.
+
+In slow slipping, the torque of an element can grow almost without motion. If s falls with speed, the model can therefore
+create energy: fast loading, slow slipping and unloading gain (s(0) - s(v))^2 w_i^2/(2 k_i). The step is implicit in the
+slipping torque, and of first order, since slipping begins at the end of a tick. With sines of 0.5 to 2 Hz, C of 20 to
+400 N.m/s and ticks of 1 ms, its error is 0.04 to 0.2 % of the torque's root mean square. Two substeps reduce this error by a
+factor of 1.5 to 3.5, five by 4 to 13, and ten by 7 to 23.
 """
 
 from __future__ import annotations
@@ -100,7 +103,7 @@ class GMS(Parallel):
         return 2 * len(self.stiffness)
 
     def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
-        """Return that bounds which change with speed may let it create energy, empty where they do not."""
+        """Return a warning if the bounds change with speed, which may create energy; otherwise an empty string."""
         if all(
             strongest <= weakest * (1.0 + 1e-12) for weakest, strongest, _ in rate.span(load, temperature)
         ):

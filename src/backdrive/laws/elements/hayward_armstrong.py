@@ -3,8 +3,8 @@
     tau_f = K (p - q) + viscous(q'),   K (p - q) in gsgn(-F_n, q', F_p)
 
 p: position of the joint, q: of the slider. K: stiffness [N.m/rad or N/m]. F_p, F_n: bounds of the rate law. The backward
-Euler step is a clip: f = clip(f + K dp, -F_n, F_p). Nothing drifts and nothing leaks: what is held stays held. The viscous part
-sees the slider, as far as that moves along with the joint: bounds that fall with speed may throw it further. V. Hayward,
+Euler step is a clip: f = clip(f + K dp, -F_n, F_p). There is neither drift nor leakage: a joint at rest keeps its torque. The
+viscous part uses the slider's motion, limited to the joint's, because falling bounds may move the slider further. V. Hayward,
 B. Armstrong, in Experimental Robotics VI, Springer, 2000.
 """
 
@@ -28,7 +28,7 @@ def clip_torque(f: float, lo: float, hi: float):
 
 @leaf
 def between(slid: float, dp: float):
-    """Slider's motion within that of the joint, beyond which it gets only where the bounds fall; a NaN stays a NaN."""
+    """Slider's motion, limited to the range from 0 to the joint's motion, which it leaves if bounds fall; a NaN stays a NaN."""
     if slid * dp < 0.0:
         return 0.0
     if abs(slid) > abs(dp):

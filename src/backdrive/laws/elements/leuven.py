@@ -2,8 +2,8 @@
 
     z' = v (1 - sgn(v F_h) |F_h/s(v)|^n),   tau_f = F_h(z) + sigma_1 z' + viscous(v)
 
-F_h: hysteresis torque of the bristle z, here Maxwell-slip elements (stiffness k_i [N.m/rad or N/m], share w_i of the bound
-s(v) of the rate law), so that its memory of reversals is as long as there are elements. n: how sharply sliding sets in [-].
+F_h: hysteresis torque of the bristle z, here that of Maxwell-slip elements with the stiffness k_i [N.m/rad or N/m] and the share
+w_i of the rate law's bound s(v) [-]. It remembers as many reversals as there are elements. n: how sharply sliding sets in [-].
 sigma_1: damping of the bristle [N.m.s/rad or N.s/m]. The step is implicit in z. J. Swevers, F. Al-Bender, C. Ganseman, T.
 Prajogo, IEEE TAC 45(4), 2000; with F_h/s and Maxwell-slip elements: V. Lampaert, J. Swevers, F. Al-Bender, IEEE TAC 47(4),
 2002.
@@ -22,7 +22,7 @@ from backdrive.laws.elements.hayward_armstrong import clip_torque
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
 SECANTS, STEPS = 40, 100
-FAR = 1e5  # times a bound, of a torque the other way
+FAR = 1e5  # limit of a torque against the motion, relative to the bound [-]
 NOTHING = 1e-150  # of a bound [N.m or N]
 
 
@@ -39,7 +39,7 @@ def pull_bristle(p: Array, e: int, x: Array, dz: float, lo: float, hi: float):
 
 @jit
 def bristle_travel(p: Array, e: int, x: Array, way: float, path: float, lo: float, hi: float):
-    """How far the bristle moves, along the motion, while the joint moves by path > 0: the root u of u = path (1 - ...)."""
+    """Travel of the bristle along the motion while the joint moves by path > 0: the root u of u = path (1 - ...)."""
     N = int(p[e])
     n = p[e + 1 + 2 * N]
     S = hi if way > 0.0 else -lo
@@ -47,7 +47,7 @@ def bristle_travel(p: Array, e: int, x: Array, way: float, path: float, lo: floa
     if below >= 0.0:
         return 0.0
     low, high = 0.0, -below  # of u/path
-    if high > 2.0:  # loaded the other way beyond the bound: at most until the last element slips
+    if high > 2.0:  # the torque opposes the motion beyond the bound: at most until the last element slips
         farthest = 0.0
         for i in range(N):
             farthest = max(farthest, (p[e + 1 + N + i] * S - way * x[i]) / p[e + 1 + i])
@@ -56,7 +56,7 @@ def bristle_travel(p: Array, e: int, x: Array, way: float, path: float, lo: floa
     above = high - 1.0 + _sharp(way * pull_bristle(p, e, x, way * high * path, lo, hi) / S, n)
     u = 0.0
     side = 0
-    for k in range(STEPS):  # regula falsi, a side that stays halved (Illinois), then bisection
+    for k in range(STEPS):  # regula falsi, half the residual at an end that stays (Illinois), then bisection
         u = high - above * (high - low) / (above - below) if k < SECANTS else 0.5 * (low + high)
         if not low < u < high:
             break

@@ -1,4 +1,4 @@
-"""LuGre: a bristle whose deflection feels damping, under a rate law that may be weaker in motion than at rest.
+"""LuGre: a damped bristle under a rate law that may be lower in motion than at rest.
 
     z' = v - sigma_0 |v| z / s(v),   tau_f = sigma_0 z + sigma_1(v) z' + viscous(v),   sigma_1(v) = sigma_1 exp(-(v/v_d)^2)
 
@@ -8,8 +8,9 @@ gives a spike of up to 2 sigma_1 s/(sigma_0 dt). The step is implicit in z, so t
 H. Olsson, K. J. Astrom, P. Lischinsky, IEEE TAC 40(3), 1995.
 
 LuGre friction does not create energy if sigma_2 >= sigma_1 (F_s - F_c)/F_c (N. Barabanov, R. Ortega, IEEE TAC 45(4), 2000).
-With a damping that fades, v_d <= 4 sqrt(2 e) F_c/sigma_1 suffices whatever sigma_2 is: F v - V' is a quadratic in z, positive
-where sigma_1(v) |v| <= 4 s(v), and |v| exp(-(v/v_d)^2) is v_d/sqrt(2 e) at most. The values of the 1995 paper satisfy neither.
+With fading damping, v_d <= 4 sqrt(2 e) F_c/sigma_1 suffices for any sigma_2. Proof: let V = sigma_0 z^2/2 and F the torque
+without its viscous part. F v - V' is quadratic in z, and not negative if sigma_1(v) |v| <= 4 s(v). The largest value of
+|v| exp(-(v/v_d)^2) is v_d/sqrt(2 e). The parameters of the 1995 paper satisfy neither condition.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from backdrive._types import Array
 from backdrive.elementary import decay
 from backdrive.laws.base import Element, Parameter, Rate
 
-TINY = 1e-300  # keeps 0 out of a denominator, and changes no other
+TINY = 1e-300  # keeps a denominator above 0 without changing any other value
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 
 
@@ -39,7 +40,7 @@ def damping(sigma_1: float, v_d: float, v: float):
 
 @leaf
 def ahead(p: Array, e: int, lo: float, hi: float, dp: float, dt: float):
-    """What of a tick does not depend on the state: reach and part, of which it follows, and the damping."""
+    """Numbers of a tick that do not depend on the state: reach and part, which give the next state, and the damping."""
     sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
     reach = sigma_0 * dp
     s = hi if dp > 0.0 else lo
@@ -121,7 +122,7 @@ class LuGre(Element):
         return 1
 
     def advice(self, rate: Rate, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0) -> str:
-        """Return what is wrong with sigma_1 where the rate law changes with speed by more than its viscous part bears."""
+        """Return a warning if sigma_1 may create energy under a rate law that changes with speed; otherwise an empty string."""
         if self.damping == 0.0:
             return ""
         for weakest, strongest, viscous in rate.span(load, temperature):

@@ -1,4 +1,4 @@
-"""Maxwell slip (Iwan): springs in series with Coulomb sliders, side by side, so that presliding remembers its reversals.
+"""Maxwell slip (Iwan): parallel springs, each in series with a Coulomb slider. Presliding remembers its reversals.
 
     f_i' = k_i v  within  [-w_i F_n, w_i F_p],   tau_f = sum f_i + viscous(v),   sum w_i = 1
 
@@ -33,7 +33,7 @@ def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, 
     for i in range(n):
         w = p[e + 1 + n + i]
         y[i] = clip_torque(x[i] + p[e + 1 + i] * dp, w * lo, w * hi)
-    for i in range(n):  # apart, so that the loop above runs on several elements at once
+    for i in range(n):  # a loop of its own, so that the one above processes several elements at once
         total += y[i]
     return total
 
@@ -48,7 +48,7 @@ MANY: dict[str, Parameter] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Parallel(Element):
-    """What elements side by side share: as many stiffnesses as shares, the shares adding up to 1.
+    """Base of parallel elements: each has a stiffness and a share, and the shares add up to 1.
 
     Attributes:
         stiffness: k_i [N.m/rad or N/m], (N,).
@@ -84,7 +84,7 @@ class Parallel(Element):
         return [float(len(self.stiffness)), *self.stiffness, *self.share]
 
     def row(self) -> np.ndarray:
-        """Return [N, k_1..k_N, w_1..w_N] and what an element has beyond, in the order of its parameters."""
+        """Return [N, k_1..k_N, w_1..w_N], followed by an element's further parameters in their order."""
         rest = [getattr(self, name) for name in self.PARAMETERS if name not in MANY]
         return np.array(self.many() + rest, dtype=np.float64)
 

@@ -2,8 +2,8 @@
 
     tau_f in gsgn(lo, v, hi) + viscous(v)
 
-At v = 0 the torque may be anything in [lo, hi]; `step`, which sees only motion, gives 0 there, and `solve` gives the
-velocity of a mass that this friction holds or lets slide (true stiction, no chatter). The viscous part sees the joint's
+At v = 0 the torque may have any value in [lo, hi]. `step` knows only the motion and returns 0 there. `solve` returns the
+velocity of a mass that this friction holds or lets slide: true stiction without chatter. The viscous part uses the joint's
 velocity. gsgn is Iwatani 2017, (3.2).
 """
 
@@ -19,7 +19,7 @@ from backdrive.laws.base import Element, Parameter
 
 @leaf
 def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
-    """State, which there is none of, and torque after one tick, from the limits at its velocity and its increment dp."""
+    """Unused state and torque after one tick, from the bounds at its velocity and the increment dp."""
     if dp > 0.0:
         return z, hi
     if dp < 0.0:

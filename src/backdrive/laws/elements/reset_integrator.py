@@ -3,11 +3,11 @@
     z' = 0  if (v > 0 and z >= z_p) or (v < 0 and z <= -z_n),   else v
     tau_f = (1 + a) K z + D z'  while the bristle holds,  K z  while it slides;   + viscous(v)
 
-K: stiffness [N.m/rad or N/m]. z_p = F_p/K, z_n = F_n/K: break-away distances, F_p and F_n the bounds of the rate law. a:
-what break-away adds to sliding [-]. D: damping while the bristle holds [N.m.s/rad or N.s/m]. The torque jumps at
-break-away by a F; a tick in which the bristle gives has the jump and the damping for the share of it that still held, so
-that shaking at break-away returns no more energy than it takes. A tick whose K dp is below 1e-4 F counts as one that held.
-D. A. Haessig, B. Friedland, ASME JDSMC 113(3), 1991.
+K: stiffness [N.m/rad or N/m]. F_p, F_n: bounds of the rate law; z_p = F_p/K, z_n = F_n/K: break-away distances. a: excess of
+the break-away torque, relative to the sliding torque [-]. D: damping while the bristle holds [N.m.s/rad or N.s/m]. At
+break-away the torque falls by a F. In that tick, excess and damping count only for the share of the tick before break-away.
+So a vibration at break-away gains no energy. If K dp is below 1e-4 F, the excess counts for the whole tick. D. A. Haessig,
+B. Friedland, ASME JDSMC 113(3), 1991.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 
-SLIGHT = 1e-4  # of the bound: a tick that stretches the bristle by less holds all along
+SLIGHT = 1e-4  # a tick that stretches the bristle by less counts as held, relative to the bound [-]
 
 
 @leaf
 def break_away_share(held: float, stretch: float, bound: float, jump: float, damped: float):
-    """What is added to sliding in the tick of break-away: the jump and the damping, for the share of it that still held.
+    """Torque above sliding in the tick of break-away: jump and damping, times the share of the tick before break-away.
 
-    The share of a tick that hardly stretches the bristle would be lost in rounding.
+    It never exceeds the jump. If a tick hardly stretches the bristle, rounding would falsify this share, so it counts as 1.
     """
     if abs(stretch) < SLIGHT * abs(bound):
         return jump
@@ -45,7 +45,7 @@ def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float)
         return hi, hi if z >= hi else hi + break_away_share(hi - z, stretch, hi, excess * hi, damped)
     if trial <= lo and dp <= 0.0:
         return lo, lo if z <= lo else lo + break_away_share(lo - z, stretch, lo, excess * lo, damped)
-    if trial > hi:  # the bound has fallen under a bristle that is let go
+    if trial > hi:  # the bound has fallen below the torque of a bristle that unloads
         trial = hi
     elif trial < lo:
         trial = lo
@@ -63,8 +63,8 @@ class ResetIntegrator(Element):
 
     Attributes:
         stiffness: K [N.m/rad or N/m].
-        excess: a, what break-away adds to sliding [-].
-        damping: D, while the bristle holds [N.m.s/rad or N.s/m]; its torque is cut at break-away.
+        excess: a, excess of the break-away torque, relative to the sliding torque [-].
+        damping: D, while the bristle holds [N.m.s/rad or N.s/m]; it never raises the torque above break-away.
     """
 
     NAME: ClassVar[str] = "reset-integrator"

@@ -1,15 +1,16 @@
-"""A smoothed Maxwell-slip model: elements whose change from sticking to slipping has derivatives.
+"""A smoothed Maxwell-slip model: its elements change from sticking to slipping without a kink.
 
     f_i' = k_i v (1 - h(r_i) r_i),   r_i = sgn(v) f_i/(w_i s(v)),   tau_f = sum f_i + viscous(v),   sum w_i = 1
     h(r) = m(r) g(r)/(m(1) g(1)),   m(r) = 1 - tanh(l (r + b))/2 + tanh(l (r - b))/2,   g(r) = (1 + tanh(c r))/2
 
-k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share of the bound s(v) of the rate law [-]. m: 0 while the element holds
-(|r| < b), 1 when it slips; l: sharpness of the change [-]. g: 0 after a reversal, 1 when loading; c: its sharpness [-]. A slipping
-element follows its bound at once: there is no attraction C, and so none of the frictional lag of GMS and of the S-GMS of
-M. Boegli, T. De Laet, J. De Schutter, J. Swevers, IEEE/ASME T-Mech. 19(5), 2014, from which the idea of one smooth equation is. The
-functions m and g are those of the open Fortran library `friction` of J. Christopherson, with sgn(v) in g and h divided by its
-value at 1, so that the steady torque is the rate law's at every speed. The step is implicit in f_i. Rate independent under a
-constant bound.
+k_i: stiffness of element i [N.m/rad or N/m]. w_i: its share of the rate law's bound s(v) [-]. m: 0 while the element holds
+(|r| < b), 1 while it slips; l: sharpness of this change [-]. g: 0 after a reversal, 1 during loading; c: sharpness of this
+change [-]. A slipping element follows its bound at once. There is no attraction C, and hence no frictional lag as in GMS. The
+step is implicit in f_i. Under a constant bound the torque depends on the path only.
+
+The idea of one smooth equation is that of the S-GMS, which has the lag: M. Boegli, T. De Laet, J. De Schutter, J. Swevers,
+IEEE/ASME T-Mech. 19(5), 2014. The functions m and g come from the open Fortran library `friction` of J. Christopherson. Here
+g contains sgn(v), and h is divided by its value at 1. So the steady torque equals the rate law at every speed.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def gate(r: float, sharp: float, margin: float, reversal: float):
 
 @jit
 def load_element(r: float, path: float, full: float, sharp: float, margin: float, reversal: float):
-    """Where an element at r gets to over a path (in units of its stretch at break-away): u = r + path (1 - h(u) u)."""
+    """Torque u of an element after a path from the torque r: u = r + path (1 - h(u) u), in units of its break-away."""
     if r >= 1.0:
         low, high = 1.0, r
     else:
@@ -49,13 +50,13 @@ def load_element(r: float, path: float, full: float, sharp: float, margin: float
     above = ((high - r) - path * (1.0 - gate(high, sharp, margin, reversal) / full * high)) * inverse
     if below >= 0.0:
         return low
-    if above < 0.0:  # loaded the other way, an element that yields gets further than its spring
+    if above < 0.0:  # an element that yields after opposite loading moves further than its spring alone
         high, above = 1.0, (1.0 - r) * inverse
     if above == 0.0:
         return high
     u = low
     side = 0
-    for k in range(STEPS):  # regula falsi, a side that stays halved (Illinois), then bisection
+    for k in range(STEPS):  # regula falsi, half the residual at an end that stays (Illinois), then bisection
         u = high - above * (high - low) / (above - below) if k < SECANTS else 0.5 * (low + high)
         if not low < u < high:
             break

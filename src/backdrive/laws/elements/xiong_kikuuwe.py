@@ -1,16 +1,17 @@
-"""Visco-elastoplastic contact: a damped spring in series with a Coulomb slider; with many side by side, and with lag.
+"""Visco-elastoplastic contact: a damped spring in series with a Coulomb slider; also several in parallel, and with lag.
 
     f_i = clip(K_i a_i + B_i v, -w_i g_n, w_i g_p),   a_i' = (f_i - K_i a_i)/B_i,   tau_f = sum f_i + viscous(v)
     t_d g' = s(v) - g     (g = s(v) where t_d = 0),   sum w_i = 1
 
 K_i: stiffness [N.m/rad or N/m], B_i: damping [N.m.s/rad or N.s/m], a_i: stretch, w_i: share of the bound s(v) of the rate law. t_d:
-time by which the bound lags behind the velocity [s]. Each element solves f = K e + B e' in F sgn(v - e'), written without a
-set: y in F sgn(x - y) says y = clip(x, -F, F). The backward Euler step is f = clip(K (a + dp) + B dp/dt), then
-a = (a B + f dt)/(B + K dt).
+time by which the bound lags behind the velocity [s]. Each element solves the inclusion f = K a + B a' in F sgn(v - a'). The
+equations above need no set, because y in F sgn(x - y) means y = clip(x, -F, F). The backward Euler step is
+f = clip(K (a + dp) + B dp/dt), then a = (a B + f dt)/(B + K dt).
 
-One element is the model of R. Kikuuwe, N. Takesue, A. Sano, H. Mochiyama, H. Fujimoto, IEEE TRO 22(6), 2006; as an ordinary
-differential equation (B > 0) that of X. Xiong, R. Kikuuwe, M. Yamamoto, J. Applied Mathematics 2013, 320276, whose backward
-Euler step is the same to the last bit. Many elements with lag are their multistate model, Tribology Letters 51(3), 2013.
+One element is the model of R. Kikuuwe, N. Takesue, A. Sano, H. Mochiyama, H. Fujimoto, IEEE TRO 22(6), 2006. As an ordinary
+differential equation (B > 0) it is that of X. Xiong, R. Kikuuwe, M. Yamamoto, J. Applied Mathematics 2013, 320276. The
+backward Euler steps of both are identical to the last bit. Several elements with lag form their multistate model, Tribology
+Letters 51(3), 2013.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Rate laws: what a joint resists with at a velocity. One file each."""
+"""Rate laws: the friction torque of a joint at a velocity, one file each."""

@@ -3,8 +3,8 @@
     tau_f in gsgn(-F_n, v, F_p) + (sigma_p v for v > 0, sigma_n v for v < 0)
 
 F_p, F_n: Coulomb torque in the positive and negative direction [N.m or N]. sigma_p, sigma_n: viscous coefficients
-[N.m.s/rad or N.s/m]. gsgn is Iwatani 2017, (3.2). `coulomb-viscous` has both directions apart; `coulomb` is the one
-number that remains when they are equal and nothing grows with speed.
+[N.m.s/rad or N.s/m]. gsgn is Iwatani 2017, (3.2). `coulomb-viscous` has separate parameters for each direction. `coulomb`
+has one parameter: the Coulomb torque in both directions, without viscous friction.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Degressive viscous friction: what grows with speed flattens, as with greased harmonic drives.
+"""Degressive viscous friction: it grows with speed ever more slowly, as in greased harmonic drives.
 
     tau_f in F sgn(v) + k |v|^n sgn(v),      0 < n <= 1
 

@@ -1,15 +1,16 @@
-"""Gear friction: it grows with the torque that the gears transmit, more or less so when the load drives them back.
+"""Gear friction: it grows with the transmitted torque. At low speed the growth depends on which side drives.
 
     e = exp(-(v/v_s)^2)
     F = F_c + (K + e S)|T|,   S = S_d where T v > 0, the motor drives the load;   S = S_b where T v < 0, the load drives it
     tau_f in F sgn(v) + K_v v
 
-T: torque that the gears transmit to the load, the negative of the external torque of the pair `load` [N.m or N]: gravity and
-what accelerates the load, not what accelerates the motor. K: friction between sliding teeth per unit of T [-]; S_d, S_b:
-what rest adds to K [-]; so that a joint holds more than it lifts. F_c: Coulomb torque without load [N.m or N]. v_s:
-velocity at which the addition has fallen to 1/e [rad/s or m/s]. K_v: viscous coefficient [N.m.s/rad or N.s/m]. Friction
-in proportion to the transmitted torque: Dohring, Lee, Newman, "A load-dependent transmission friction model: theory and
-experiments", ICRA 1993; two directions of power: Wang, Kim, "Directional efficiency in geared transmissions", ICRA 2015.
+T: torque that the gears transmit to the load [N.m or N], the negative of the external torque in the pair `load`. It covers
+gravity and the acceleration of the load, but not the acceleration of the motor. K: friction of the sliding teeth per unit of
+|T| [-]. S_d, S_b: increase of K at rest [-], so that a joint can hold a larger load than it can lift. v_s: velocity at which
+this increase has fallen to 1/e [rad/s or m/s]. F_c: Coulomb torque without load [N.m or N]. K_v: viscous coefficient
+[N.m.s/rad or N.s/m]. Friction in proportion to the transmitted torque: Dohring, Lee, Newman, "A load-dependent transmission
+friction model: theory and experiments", ICRA 1993; two directions of power: Wang, Kim, "Directional efficiency in geared
+transmissions", ICRA 2015.
 """
 
 from __future__ import annotations
@@ -47,10 +48,10 @@ class GearLoad(Rate):
     """Friction in proportion to the torque that the gears transmit.
 
     Attributes:
-        coulomb: F_c, without load [N.m or N].
-        load: K, sliding [-].
-        driving: S_d, what rest adds where the motor drives the load [-].
-        driven: S_b, what rest adds where the load drives the motor back [-].
+        coulomb: F_c, Coulomb torque without load [N.m or N].
+        load: K, growth with the load in sliding [-].
+        driving: S_d, increase of K at rest if the motor drives the load [-].
+        driven: S_b, increase of K at rest if the load drives the motor back [-].
         stribeck_velocity: v_s [rad/s or m/s].
         viscous: K_v [N.m.s/rad or N.s/m].
     """

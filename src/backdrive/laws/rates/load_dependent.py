@@ -3,7 +3,7 @@
     e = exp(-|v/v_s|^alpha)
     F = F_c + e F_st + |K_m tau_m - K_e tau_e| + e |S_m tau_m - S_e tau_e| + e Q
     tau_f in F sgn(v) + K_v v
-    Q = Q_e tau_e^2 where the external torque opposes the motor's and is the smaller, Q_m tau_m^2 where it is the greater
+    Q = Q_e tau_e^2 for |tau_e| < |tau_m|,   Q_m tau_m^2 for |tau_e| > |tau_m|,   if tau_e opposes tau_m;   else 0
 
 tau_m, tau_e: torque of the motor and of everything else on the joint (gravity, a hand) [N.m or N], the pair `load`.
 F_c, F_st: Coulomb and Stribeck torque [N.m or N]. v_s, alpha: Stribeck velocity [rad/s or m/s] and exponent. K, S: growth
@@ -102,7 +102,7 @@ def _only(*names: str) -> dict[str, Parameter]:
 
 @dataclass(frozen=True, kw_only=True)
 class LoadDependent(Rate):
-    """What M1 to M6 share: the row that names all eleven numbers, absent ones 0."""
+    """Base of M1 to M6: one row of eleven numbers, with neutral values for those that a law lacks."""
 
     KIND: ClassVar[int] = 8
     NEEDS: ClassVar[tuple[str, ...]] = ("load",)
@@ -153,7 +153,7 @@ class M2(LoadDependent):
     Attributes:
         coulomb: F_c [N.m or N].
         viscous: K_v [N.m.s/rad or N.s/m].
-        stribeck: F_st, what the slowest motion adds [N.m or N].
+        stribeck: F_st, Stribeck torque, which the slowest motion adds [N.m or N].
         stribeck_velocity: v_s [rad/s or m/s].
         exponent: alpha [-].
     """
@@ -197,7 +197,7 @@ class M4(M2):
 
     Attributes:
         load: K, growth with |tau_m - tau_e| [-].
-        load_stribeck: S, the same of what the slowest motion adds [-].
+        load_stribeck: S, growth of the Stribeck torque with |tau_m - tau_e| [-].
     """
 
     NAME: ClassVar[str] = "m4"
@@ -241,11 +241,11 @@ class M5(M2):
 
 @dataclass(frozen=True, kw_only=True)
 class M6(M5):
-    """M5 and what a joint adds that is held against a load, quadratic in it.
+    """M5 with a quadratic increase at low speed where the motor and a load oppose each other.
 
     Attributes:
-        quadratic_external: Q_e, where the external torque is the smaller [1/(N.m) or 1/N].
-        quadratic_motor: Q_m, where it is the greater [1/(N.m) or 1/N].
+        quadratic_external: Q_e, if the opposing external torque is smaller than the motor's [1/(N.m) or 1/N].
+        quadratic_motor: Q_m, if the opposing external torque is larger than the motor's [1/(N.m) or 1/N].
     """
 
     NAME: ClassVar[str] = "m6"

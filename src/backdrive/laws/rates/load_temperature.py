@@ -4,9 +4,10 @@
     tau_f in s(v) sgn(v) + (F_v0 + F_vT exp(-T/T_v)) v
 
 tau_l: torque through the gears, here half the difference of motor-side and external torque of the pair `load` [N.m or N].
-T: temperature [degC]. F: torques [N.m or N], growth with the load [-] or viscous coefficients [N.m.s/rad or N.s/m]; v_s:
-Stribeck velocities [rad/s or m/s]; T_v: temperature over which the lubricant thins [degC]. s(v) is cut at 0 and the
-Stribeck velocity at a billionth, where the lines in T leave what is physical. An unknown temperature (NaN) gives NaN.
+T: temperature [degC]. F_c0, F_s0: torques [N.m or N]; F_sT: slope of F_s0 over T [N.m/degC or N/degC]. F_cl, F_sl: growth with
+the load [-]. F_v0, F_vT: viscous coefficients [N.m.s/rad or N.s/m]. v_sl, v_s0: Stribeck velocities [rad/s or m/s]; v_sT: slope
+of v_s0 over T [rad/s/degC or m/s/degC]. T_v: warming that lowers the F_vT term to 1/e [degC]. s(v) is at least 0 and the
+Stribeck velocity at least 1e-9, because the lines in T may give unphysical values. An unknown temperature (NaN) gives NaN.
 """
 
 from __future__ import annotations
@@ -61,8 +62,8 @@ class LoadTemperature(Rate):
         stribeck_velocity: v_s0 at 0 degC [rad/s or m/s].
         stribeck_velocity_temperature: v_sT, its growth [rad/s/degC or m/s/degC].
         viscous: F_v0, viscous coefficient of a hot gear box [N.m.s/rad or N.s/m].
-        viscous_temperature: F_vT, what a gear box at 0 degC has beyond [N.m.s/rad or N.s/m].
-        thinning: T_v, temperature over which the lubricant thins by e [degC].
+        viscous_temperature: F_vT, additional viscous coefficient at 0 degC [N.m.s/rad or N.s/m].
+        thinning: T_v, warming after which this addition has fallen to 1/e [degC].
         exponent: delta [-].
     """
 

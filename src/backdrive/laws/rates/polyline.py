@@ -2,9 +2,10 @@
 
     tau_f in gsgn(-F_n, v, F_p) + Phi(v),   Phi(0) = 0
 
-Between the knots V_1 < ... < V_N the curve of each direction is linear; below V_1 and above V_N the first and last
-section go on; a first section that would start below 0 starts at 0. F_p and F_n are the intercepts of the two curves at zero
-velocity. Where the two directions are equal this is the symmetric phi(v) of (2.8), with |v| in (2.9g).
+The curve of each direction is linear between the knots V_1 < ... < V_N. The first and the last section extend beyond V_1 and
+V_N. If the first section has a negative intercept at zero velocity, a line from the origin to its first knot replaces it
+below V_1. F_p and F_n are the intercepts of the two curves at zero velocity. For equal directions this is the symmetric
+phi(v) of (2.8), with |v| in (2.9g).
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from backdrive.laws.base import MOST, Parameter, Rate
 
 @leaf
 def section(p: Array, N: int, speed: float):
-    """Number of knots that a speed has reached: all are counted, so that a compiler can take several velocities at once."""
+    """Number of knots at or below a speed. All knots are compared, so that a compiler can process several velocities at once."""
     i = 0
-    for k in range(6):  # fixed lengths, which a compiler writes out
+    for k in range(6):  # fixed lengths, which a compiler unrolls
         i += 1 if speed >= p[4 + k] else 0
     if N > 6:
         for k in range(6, 12):
@@ -36,7 +37,7 @@ def section(p: Array, N: int, speed: float):
 
 @leaf
 def section_of_one(p: Array, N: int, speed: float):
-    """Number of knots that a speed has reached: the same for one velocity at a time, for the knots rise."""
+    """Number of knots at or below a speed, for one velocity at a time. The search ends early, since the knots increase."""
     i = N
     while i > 0 and not speed >= p[3 + i]:
         i -= 1
@@ -57,7 +58,7 @@ def limits(p: Array, v: float, load: Pair, temp: float):
 
 @leaf
 def limits_of_one(p: Array, v: float, load: Pair, temp: float):
-    """Rate law: the same numbers for one velocity at a time, by branches; the knots rise."""
+    """Rate law: the same numbers as `limits`, by branches, which are faster for one velocity at a time."""
     N, F_p, F_n = int(p[1]) & MOST, p[2], p[3]
     speed, phi = abs(v), 0.0 * v
     i = 0
@@ -72,13 +73,13 @@ def limits_of_one(p: Array, v: float, load: Pair, temp: float):
     return -F_n, F_p, phi
 
 
-AT_ONCE = 6  # knots are filled up to a multiple of this, so that few loops are compiled for many curves
+AT_ONCE = 6  # the number of knots is padded to a multiple of this, so that curves share compiled loops
 
 
 def lines(V: np.ndarray, F: np.ndarray, count: int) -> tuple[float, np.ndarray]:
     """Return the intercept of a curve and its lines: where each begins, its torque there, its slope, (count + 1, 3).
 
-    The first line is that below V_1: the next one prolonged, or one from 0 where that would start below 0.
+    The first line lies below V_1. It extends the second, or starts at the origin if the second has a negative intercept.
     """
     slope = np.diff(F) / np.diff(V) if F.size > 1 else np.zeros(1)
     intercept = max(float(F[0] + slope[0] * (0.0 - V[0])), 0.0)
@@ -132,7 +133,7 @@ class Polyline(Rate):
             )
 
     def sections(self) -> int:
-        """Return the number of knots at which the line changes, filled up."""
+        """Return the number of knots at which the line changes, padded to a multiple of AT_ONCE."""
         return -(-max(len(self.velocity) - 1, 1) // AT_ONCE) * AT_ONCE
 
     def row(self) -> np.ndarray:

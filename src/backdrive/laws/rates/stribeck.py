@@ -2,8 +2,8 @@
 
     s(v) = F_c + (F_s - F_c) exp(-|v/v_s|^delta),      tau_f in s(v) sgn(v) + sigma_2 v
 
-F_c: Coulomb torque, F_s: torque at the slowest motion [N.m or N]. v_s: Stribeck velocity [rad/s or m/s]. delta: exponent;
-1 is that of Tustin (1947), free in Bo and Pavelescu (Wear 82(3), 1982); 2 is the Gauss form
+F_c: Coulomb torque, F_s: torque at the slowest motion [N.m or N]. v_s: Stribeck velocity [rad/s or m/s]. delta: exponent.
+It is 1 in Tustin's curve (1947) and free in that of Bo and Pavelescu (Wear 82(3), 1982). With 2 the curve is the Gauss form
 (`stribeck-gauss`). sigma_2: viscous coefficient [N.m.s/rad or N.s/m].
 """
 

@@ -20,7 +20,7 @@ from backdrive.laws.rates.stribeck import COMMON
 
 @leaf
 def limits(p: Array, v: float, load: Pair, temp: float):
-    """Rate law: -s(v), s(v) and sigma_2 v, by one exponential, of which several are evaluated in one instruction."""
+    """Rate law: -s(v), s(v) and sigma_2 v. One instruction evaluates the exponential of several velocities."""
     F_c, F_s, v_s, sigma_2 = p[1], p[2], p[3], p[4]
     r = v * (1.0 / v_s)  # in a loop over ticks the division is done once
     s = F_c + (F_s - F_c) * decay(-(r * r))
