@@ -49,7 +49,7 @@ def time_words(elapsed: float | None, share: float | None, since: float = 0.0) -
     """Return the elapsed time in words and, where the share done is known, about how much time is left.
 
     Args:
-        elapsed: since the begin [s].
+        elapsed: since the start [s].
         share: that was done, or None.
         since: time since then [s].
     """

@@ -80,7 +80,7 @@ class Admittance(WithBounds):
         v, a = np.asarray(velocity, dtype=np.float64), np.asarray(acceleration, dtype=np.float64)
         if v.shape != a.shape:
             raise InvalidInput(
-                f"Velocities {v.shape} and accelerations {a.shape}.", remedy="Give one of each a sample."
+                f"Velocities {v.shape} and accelerations {a.shape}.", remedy="Give one of each per sample."
             )
         return self.inertia * a + self.viscosity * v
 

@@ -15,7 +15,7 @@ from backdrive.plans.limits import JointLimits
 MARGIN = {"rad": 0.15, "m": 0.05}  # default depth of a wall
 NARROW = 0.1  # largest default depth, as a share of the range
 DAMPING = 1.0  # damping ratio of a joint against its wall
-STIFFEST = 50.0  # angular frequency of a joint on its wall, at most [rad/s]
+STIFFEST = 50.0  # largest angular frequency of a joint on its wall [rad/s]
 SAMPLED = 0.06  # the same, times the period [-]
 EFFORT = Bound(1e-6, 1e5, "N.m or N")
 
@@ -32,7 +32,7 @@ class ArmJoint(WithBounds):
         limits: range of the joint, and the largest total torque of its motor (`effort`).
         inertia: inertia of the motor, added to the rigid bodies [kg.m^2 or kg].
         offset: constant torque beside gravity, compensated together with it [N.m or N].
-        admittance: virtual mass that the estimated external torque moves; None: the joint is guided.
+        admittance: virtual mass that the estimated external torque moves; None: a hand guides the joint.
         threshold: external torque that does not move the virtual mass [N.m or N].
         margin: depth of the soft walls before the ends of the range [rad or m]; None: 0.15 rad or 0.05 m, at most a tenth of the
             range.

@@ -2,12 +2,13 @@
 
     torque = gravity + compensation + drive,      |torque| <= effort
 
-Motors may drive several joints: q = C p, and the motors produce a torque tau on the joints by C' tau. Compensation is that of
-`control.loop`, motor by motor. The drive torque acts on the joints: soft walls before their limits, and the position
+Motors may drive several joints: q = C p. Motor torques of C' tau then produce the torque tau on the joints. Compensation is
+that of `control.loop`, motor by motor. The drive torque acts on the joints: soft walls before their limits, and the position
 controller of an admittance. It passes through the same output stage as the compensation (`control.guard`), with its own
 table. Gravity is the torque of the rigid bodies at the last accepted posture; `carry` describes it during faults.
 
-A wall pushes inwards only, starts earlier for a fast joint, and never exceeds its limit:
+A wall with the stiffness K begins at w. It pushes inwards only, acts earlier for a fast joint (by the lead time t), and never
+exceeds its limit:
 
     tau = -min(max(K (q - w + t q'), 0), limit)        above, and likewise below
 """
@@ -161,7 +162,7 @@ def carry(g, h, j, weight):
 def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, bias):  # noqa: PLR0913, PLR0912  (a kernel's row)
     """Advance every motor and joint by one tick and return the worst status.
 
-    `A`, `o`, `g`, `codes`: as in `loop_kernel.tick`. `d`: table of the drive's output stage. `h`: table of the arm.
+    `A`, `o`, `g`, `codes`: as in `loop_kernel.tick`. `d`: table of the output stage of the drive torque. `h`: table of the arm.
     `a`, `s`: rows and states of the admittances. `wanted`: torque of walls and admittance on the joints. `C`, `back`: matrix of
     q = C p, and its inverse. `whole`: external torque on the motors if one estimator serves the whole arm, (J,), else (0,).
     `weight`: g(q). `bias`: h + g of the joints.

@@ -1,4 +1,4 @@
-"""A whole arm in one call a tick: friction, gravity, walls before the joints' limits, external torque, and the wrench at a frame.
+"""A whole arm, one call per tick: friction, gravity, walls before the joints' limits, external torque, and the wrench at a frame.
 
     q, u -> torque of the motors, tau_e (external), tau_f (friction), wrench
 
@@ -44,8 +44,8 @@ class ArmLoop:
 
     Attributes:
         torque: total torque of the motors [N.m or N], (J,). `update` changes all attributes; they are read-only.
-        gravity: a part of it [N.m or N], (J,).
-        drive: of walls and admittance, a part of it [N.m or N], (J,).
+        gravity: part of `torque` that balances gravity [N.m or N], (J,).
+        drive: part of `torque` from walls and admittance [N.m or N], (J,).
         external: estimated external torque on the joints [N.m or N], (J,).
         position: of the joints, by the accepted readings [rad or m], (J,).
         velocity: of the joints, low-passed [rad/s or m/s], (J,).
@@ -186,7 +186,7 @@ class ArmLoop:
 
     @property
     def wrench(self) -> np.ndarray | None:
-        """Wrench of the environment at the frame of `force`, along the axes of the base [N, N.m], read-only (6,); None without."""
+        """Wrench of the environment at the frame of `force`, along the base axes [N, N.m], read-only (6,); None without one."""
         return None if self._force is None or not self._frame else _read_only(self._force.wrench)
 
     @property
@@ -222,7 +222,7 @@ class ArmLoop:
             gravity: share of gravity's torque that is applied at once; 1 if another controller held the arm before [-].
 
         Raises:
-            InvalidInput: a position is not finite, or there are more or fewer than motors, or the share lies outside 0 to 1.
+            InvalidInput: a position is not finite, there is not one for each motor, or the share lies outside 0 to 1.
         """
         at = array("positions", positions, self._read.shape)
         check("reset", {"gravity": Bound(0.0, 1.0, "-")}, {"gravity": gravity})

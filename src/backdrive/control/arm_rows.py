@@ -44,8 +44,8 @@ def limits(
     """Return the arm's table for `arm_kernel.tick`, at rest at zero, (ROWS, J).
 
     Args:
-        joints: what runs on each.
-        bodies: what they weigh.
+        joints: settings of each joint.
+        bodies: rigid bodies of the robot.
         coupling: C of q = C p, (J, J).
         interval: period [s].
         settings: the same for all joints, by row.
@@ -85,8 +85,8 @@ def output_stage(joints: Sequence[ArmJoint], table: np.ndarray, interval: float)
     """Return the table of the output stage (`control.guard`) that walls and admittances pass, (J, TABLE).
 
     Args:
-        joints: what runs on each.
-        table: of `limits`.
+        joints: settings of each joint.
+        table: the table that `limits` returns.
         interval: period [s].
     """
     by_motor, limit = np.zeros((len(joints), TABLE)), table[kernel.WALL]
@@ -123,7 +123,7 @@ def matching(
         return None
     if force.joints != robot.joints:
         raise InvalidInput(
-            f"The estimator is of {', '.join(force.joints)}, and {robot.name} has {', '.join(robot.joints)}.",
+            f"The estimator belongs to {', '.join(force.joints)}, and {robot.name} has {', '.join(robot.joints)}.",
             remedy="Give one of this robot, its joints in this order.",
         )
     C = np.eye(len(robot.joints)) if force.coupling is None else np.array(force.coupling)

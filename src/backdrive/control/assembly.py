@@ -24,7 +24,7 @@ def of_loop(kernel: F, rows: Sequence[np.ndarray]) -> F:
     """Return a kernel that advances joints by `loop_kernel.joint`, for the joints of a loop.
 
     Args:
-        kernel: general.
+        kernel: the general kernel.
         rows: of `joint_loop.rows`.
     """
     return assemble(kernel, {loop_kernel.joint: of_joints(rows)})

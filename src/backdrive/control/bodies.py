@@ -36,7 +36,7 @@ class Bodies:
             if theta.shape != (PER_LINK * J,):
                 raise InvalidInput(
                     f"{theta.size} rigid-body parameters for the {J} joints of {robot.name}.",
-                    remedy=f"Give {PER_LINK} a joint, as `FrictionModel.arm` has them.",
+                    remedy=f"Give {PER_LINK} per joint, as `FrictionModel.arm` has them.",
                 )
             self._model = ArmBodies.of_parameters(robot, theta).robot.model
         self._data = self._model.createData()

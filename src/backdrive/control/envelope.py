@@ -33,9 +33,11 @@ RAMP = Bound(0.15, 60.0, "s")
 HOLD = Bound(0.05, 2.0, "s")
 FADE = Bound(10.0, 1e4, "1/s")
 PATIENCE = Bound(0.005, 1.0, "s")
-#: What a joint's parts may be.
+#: Ranges of the numbers in a joint's compensator and estimator.
 OF_PARTS = {"share": SHARE, "friction": FRICTION, "inertia": INERTIA}
-COARSEST = 0.1  # largest ratio to the top speed of one encoder step per shortest measuring window [-]
+COARSEST = (
+    0.1  # largest speed of one encoder step per shortest measuring window, relative to the top speed [-]
+)
 
 
 def check_contact(where: str, stiffness: Sequence[float] | float, count: float, friction: float) -> None:

@@ -62,7 +62,7 @@ def window(period: float) -> float:
 
 
 def spans(period: float) -> tuple[float, float]:
-    """Return the age at which the older point of the watch gives a speed, and that at which the newer one replaces it [s]."""
+    """Return the age from which the older point gives a speed, and the age from which the newer point replaces it [s]."""
     span = window(period)
     return span * (1.0 - ROUNDING), 0.5 * span * (1.0 - ROUNDING)
 

@@ -98,8 +98,8 @@ class JointLoop(WithBounds):
         top_speed: speed above which the joint counts as a runaway, from the robot's description or the user, never the
             fastest of a log [rad/s or m/s].
         encoder_count: step of the encoder [rad or m].
-        rate: of the output, the normal one [N.m/s or N/s]; None: the larger of limit/0.15 s and 1000 F/s.
-        ramp: from zero to the limit after the start, a fault or an acknowledgement, and back after `stop` [s].
+        rate: normal rate of the output [N.m/s or N/s]; None: the larger of limit/0.15 s and 1000 F/s.
+        ramp: time from zero to the limit after the start, a fault or an acknowledgement, and back after `stop` [s].
         hold: time after which the compensating torque of a standing joint has fallen below 5 % [s].
         fade: rate at which the output decays while readings are rejected [1/s].
         patience: fault time after which the joint is latched; after half of it, a jump is accepted as the encoder's new zero
@@ -168,7 +168,7 @@ class JointLoop(WithBounds):
         if isinstance(self.compensator.extra, (BristleObserver, DisturbanceObserver)):
             raise InvalidInput(
                 f"{type(self.compensator.extra).__name__} adapts by itself.",
-                remedy="Give the loop one of both.",
+                remedy="Give the loop only one of the two.",
             )
         self.adaptation.row(self.external.friction.law)
 
@@ -180,7 +180,7 @@ class JointLoop(WithBounds):
         return self.adaptation.upper if self.adaptation else 1.0
 
     def _check_resolution(self) -> None:
-        """Refuse an encoder whose one step in the shortest window of speeds is more than a tenth of the top speed."""
+        """Refuse an encoder if one step in the shortest window of speeds is more than a tenth of the top speed."""
         least = self.encoder_count / (envelope.COARSEST * guard.WINDOW)
         if least > self.top_speed * (1.0 + 1e-9):
             raise InvalidInput(
@@ -264,8 +264,10 @@ class BareLoop(JointLoop):
 
 
 def concatenate(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return the arrays of `rows` joined in one, (J, n), without the table, and five places in it, (5,). The places are the starts
-    of the arrays whose length depends on the law, and the end. Each further argument of a tick would cost as much as a law.
+    """Return the arrays of `rows` (without the table) as one array, (J, n), and five places in it, (5,).
+
+    The places are the starts of the arrays whose length depends on the law, and the end. They are one array because each
+    further argument of a tick would take as much time as a law.
     """
     C, P, X, S, CE, PE, XE, SE = parts
     lengths = [sum(part.shape[1] for part in (C, S, CE, SE)), *(part.shape[1] for part in (P, X, PE, XE))]
@@ -276,7 +278,7 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
     """Return what `loop.tick` reads and writes for joints at rest: C, P, X, S, CE, PE, XE, SE and the table.
 
     Args:
-        joints: what runs on each.
+        joints: settings of each joint.
         positions: where they rest [rad or m], (J,).
         dt: period [s].
     """

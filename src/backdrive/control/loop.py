@@ -86,8 +86,8 @@ class Loop:
     Attributes:
         torque: to add to what drives the joints [N.m or N], changed by `update`, read-only (J,).
         external: estimated external force [N.m or N], changed by `update`, read-only (J,).
-        friction: estimated [N.m or N], changed by `update`, read-only (J,).
-        level: of the friction, learned [-], changed by `update`, read-only (J,).
+        friction: estimated friction [N.m or N], changed by `update`, read-only (J,).
+        level: learned level of the friction [-], changed by `update`, read-only (J,).
         error: reference minus position, to be written before `update` [rad or m], (J,).
         slope: rate of `error`, to be written before `update` [rad/s or m/s], (J,).
         known: gravity and the coupling torque of other joints, to be written before `update` [N.m or N], (J,). If it is not
@@ -103,7 +103,7 @@ class Loop:
         """Set up the rows and compile the kernel, so that the first tick takes no longer than the next.
 
         Args:
-            joints: what runs on each.
+            joints: settings of each joint.
             interval: period [s].
 
         Raises:
@@ -112,7 +112,7 @@ class Loop:
         """
         self.joints = (joints,) if isinstance(joints, JointLoop) else tuple(joints)
         if not self.joints:
-            raise InvalidInput("A loop of no joint.", remedy="Give at least one `JointLoop`.")
+            raise InvalidInput("The loop has no joint.", remedy="Give at least one `JointLoop`.")
         check("Loop", {"interval": PERIOD}, {"interval": interval})
         self.interval = float(interval)
         self._admit()
@@ -180,7 +180,7 @@ class Loop:
             positions: where they rest [rad or m], (J,).
 
         Raises:
-            InvalidInput: a position is not finite, or there are more or fewer than joints.
+            InvalidInput: a position is not finite, or there is not one for each joint.
         """
         at = array("positions", positions, self._position.shape)
         *parts, table = rows(self.joints, at, self.interval)

@@ -1,4 +1,4 @@
-"""Columns of the table that a tick of the torque loop reads and writes: a row a joint, so that its numbers lie together.
+"""Columns of the table that a tick of the torque loop reads and writes: one row per joint, so that its numbers lie together.
 
 Inputs are written before the tick, outputs after it; settings are constant; the other columns are the state of the tick.
 """

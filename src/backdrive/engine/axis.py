@@ -9,9 +9,9 @@ a = 0 and b = M L g for a joint angle from the horizontal. o: constant torque.
 
 A step consists of half a step of drift, a velocity update, and another half step of drift. The velocity update is implicit in
 the friction (`laws.kernels.solve`), so that a held mass rests exactly. Laws that depend on the load or grow with it
-(`laws.growth`) get the motor's torque and the negative of c. For a rigid axis, c is the torque of gravity and of the load's
-inertia. In addition to any law, the axis may have Coulomb friction mu |c|. The implicit step accounts for it by reducing the
-free velocity.
+(`laws.growth`) take the motor's torque and -c as their pair of loads. For a rigid axis, c is the torque of gravity and of the
+load's inertia. In addition to any law, the axis may have Coulomb friction mu |c|. To account for it, the implicit step reduces
+the velocity that the mass would have without friction.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def gravity(j, q):
 
 @jit
 def implicit_velocity(rate, element, p, x, v_free, h, dt_over_m, widening, load, temp):
-    """Velocity of a mass after a step h under friction, with bounds that are wider by `widening` >= 0."""
+    """Velocity of a mass after a step h under friction whose bounds are widened by `widening` >= 0."""
     shrinkage = dt_over_m * widening
     if abs(v_free) <= shrinkage:
         v_free = 0.0

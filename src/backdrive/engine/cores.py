@@ -25,7 +25,7 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
     Args:
         work: a function that spends its time in compiled code.
         count: number of items.
-        workers: threads; None: one a core.
+        workers: threads; None: one per core.
 
     Raises:
         InvalidInput: `workers` is not positive.

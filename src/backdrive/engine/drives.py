@@ -92,7 +92,7 @@ class DriveModel(WithBounds):
         proportional: K_p [output/rad, output/m, or per unit of velocity].
         derivative: K_d [output.s/rad or output.s/m].
         integral: K_i [output/(rad.s) or output/(m.s)].
-        filter_time: of the low pass on the measured velocity [s].
+        filter_time: time constant of the low pass on the measured velocity [s].
         limit: largest output of the controller [N.m, N, V, or 1 for a duty].
         supply: U, voltage at full duty [V]; 1 where the controller's output is a voltage.
         torque_constant: k_t, on the joint's side of the gears [N.m/A or N/A].

@@ -46,7 +46,7 @@ def motion(j, d, rate, element, p, x, s, c, r, supply, enabled, temp, dt, subste
 
 @jit
 def lanes(first, last, J, D, rates, elements, P, X, S, C, log, r, supply, enabled, temp, dt, substeps, out):  # noqa: PLR0913  (a kernel's row)
-    """Run lanes first to last - 1: a lane is an axis on one of the logs."""
+    """Run lanes first to last - 1. A lane is one axis driven by one of the inputs."""
     for i in range(first, last):
         m = log[i]
         motion(
@@ -76,12 +76,12 @@ class Axis(WithBounds):
         law: its friction.
         inertia: of the motor's side; of the whole axis if it is rigid and has no `load_inertia` [kg.m^2 or kg].
         drive: what turns the input into torque.
-        load_inertia: of the load's side [kg.m^2 or kg]; its inertial torque is part of the load for laws that depend on it.
+        load_inertia: of the load's side [kg.m^2 or kg]; laws that depend on the load count its inertial torque as load.
         stiffness: K_c of the transmission [N.m/rad or N/m]; infinite for a rigid one.
         damping: D_c of the transmission [N.m.s/rad or N.s/m].
         gravity_sin: a of gravity a sin q + b cos q [N.m or N].
         gravity_cos: b of the same [N.m or N].
-        offset: a constant torque on the side of friction [N.m or N].
+        offset: a constant torque with the sign of friction: a positive one resists motion along +q [N.m or N].
         friction_side: which mass the friction acts on.
         load_dependence: mu, further Coulomb friction in proportion to the transmitted torque [-]. `Law.growth` instead makes the
             law itself grow, with one factor for each direction of power.
@@ -175,7 +175,7 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     """Return the motion of axes under the inputs of their drives. Friction is implicit, so a stuck axis rests exactly.
 
     Args:
-        axes: one axis a lane.
+        axes: one for each lane, or a single one; a lane is one axis driven by one of the inputs.
         drive_input: of the drives: torque, position, velocity, voltage or duty [SI], (n,) or (M, n).
         dt: sampling time [s].
         position: where the motions start [rad or m], one number or (M,).
@@ -184,8 +184,8 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
         supply: measured supply voltage [V], (M, n); None: the drives' own.
         enabled: 0 where the drive is switched off, (M, n); None: always on.
         temperature: [degC], (M, n); None: 20.
-        substeps: integration steps a sample; the controllers run in each.
-        workers: threads; None: one a core. The numbers do not depend on it.
+        substeps: integration steps per sample; the controllers run in each.
+        workers: threads; None: one per core. The numbers do not depend on it.
 
     Returns:
         Position, velocity and drive torque at every sample, (L, n) each.

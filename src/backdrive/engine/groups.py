@@ -1,10 +1,10 @@
-"""Compiled loops of one law over groups of lanes, for elements that offer `ahead` and for elements without a state.
+"""Compiled loops of one law over groups of lanes, for elements with `ahead` (`laws.base.Element`) or without a state.
 
-The groups advance in blocks of ticks, with three passes per block. First, everything that does not depend on the state is
-evaluated lane by lane, several ticks per instruction. Then the states of a group advance side by side, tick by tick: while one
-state waits for its own previous tick, the processor computes the others. Finally the torques follow from the states, again
-several ticks per instruction. Set-valued friction has no state and needs only one pass. The results are bit-identical to
-`kernels.step`.
+A lane is one parameter row on one of the motions. The groups advance in blocks of ticks, with three passes per block. First,
+everything that does not depend on the state is evaluated lane by lane, several ticks per instruction. Then the states of a
+group advance side by side, tick by tick: while one state waits for its own previous tick, the processor computes the others.
+Finally the torques follow from the states, again several ticks per instruction. Set-valued friction has no state and needs
+only one pass. The results are bit-identical to `kernels.step`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,13 @@ from backdrive._jit import specialise
 from backdrive.engine.loops import BLOCK
 from backdrive.laws import kernels
 
-TOGETHER = 8  # lanes whose states advance side by side; their numbers of one block fit the first-level cache
+TOGETHER = (
+    8  # lanes whose states advance side by side; their work arrays for one block fit the first-level cache
+)
 
 
 def serves(element: int) -> bool:
-    """Return whether this loop serves an element."""
+    """Return whether the loop of this module can run an element."""
     return bool((kernels.HOLDS | kernels.FOLLOWS) >> element & 1)
 
 
@@ -32,7 +34,7 @@ def work() -> tuple[np.ndarray, ...]:
     size = (
         TOGETHER,
         BLOCK + 6,
-    )  # no power of two, since loads would then wait for stores to addresses with equal last bits
+    )  # not a power of two: reads would then wait for writes to addresses with the same last bits
     return (np.empty(BLOCK), *(np.zeros(size) for _ in range(4)), np.zeros((TOGETHER, BLOCK + 1)))
 
 

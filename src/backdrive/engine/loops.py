@@ -1,8 +1,8 @@
 """Compiled loops of one law along motions: one lane at a time in blocks of ticks, or sixteen lanes interleaved.
 
-A loop compiled for one law is as fast as hand-written code; a loop that selects among all laws in every tick takes up to four
-times as long. A law's loop is compiled at its first use and cached on disk. Both kinds of loop give bit-identical results to
-`kernels.step`.
+A lane is one parameter row on one of the motions. A loop compiled for one law is as fast as hand-written code; a loop that
+selects among all laws in every tick takes up to four times as long. A law's loop is compiled at its first use and cached on
+disk. Both kinds of loop give bit-identical results to `kernels.step`.
 
 In a block, the limits of many ticks are evaluated first with vector instructions; then the element's state is advanced tick
 by tick. If there are enough lanes, sixteen are interleaved instead (structure of arrays), so that every instruction works on
@@ -110,7 +110,7 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
     """Return the interleaved loop of one law over lanes, for an element whose state is one number.
 
     Args:
-        rate: kind of the rate law, whose rows are of one length.
+        rate: kind of the rate law; all its rows have the same length.
         element: kind of the element.
         place: where the row of the element begins.
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.

@@ -86,7 +86,7 @@ class Lanes:
             load: motor-side and external torque [N.m or N], (M, n, 2) or (M, 1, 2); None: the usual one of each law.
             temperature: [degC], (M, n) or (M, 1).
             state: of the elements, advanced in place, (L, S); None: at rest and relaxed.
-            workers: threads; None: one a core.
+            workers: threads; None: one per core.
 
         Returns:
             tau_f [N.m or N], (L, n).
@@ -180,7 +180,7 @@ def rollout(
         load: motor-side and external torque, for laws that depend on load or grow with it [N.m or N], (n, 2) or (n, J, 2).
             None: no load; for laws that grow, the load under which their curve was identified.
         temperature: [degC], one number or (n,); 20 when not given.
-        workers: threads; None: one a core. The numbers do not depend on it.
+        workers: threads; None: one per core. The numbers do not depend on it.
 
     Returns:
         tau_f [N.m or N], the shape of the motion; for a sequence of B models (B, ...).
@@ -208,7 +208,7 @@ def rollout(
         if len(own) != joints:
             raise InvalidInput(
                 f"The model has {len(own)} joints, the motion {joints}.",
-                remedy="Give one column a joint, in the model's order.",
+                remedy="Give one column per joint, in the model's order.",
             )
         laws += own
     if load is not None:

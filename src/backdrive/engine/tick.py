@@ -66,7 +66,7 @@ class Tick:
         """Set up the rows and compile the kernel, so that the first tick takes no longer than the next.
 
         Args:
-            laws: one a joint.
+            laws: one per joint.
             dt: period of the ticks [s].
 
         Raises:

@@ -1,4 +1,4 @@
-"""Exponential, power and sine of jax arrays in doubles, of short chains of operations that a compiler of arrays makes wide.
+"""Exponential, power and sine of jax arrays in doubles, from short chains of operations that jax's compiler can vectorize.
 
 Jax's own exponential is one long chain, and its power is a call for every number. Two exponentials took two thirds of LuGre's
 time. Here exp(x) = 2^k e^r with k = round(x/log 2) and |r| <= log(2)/2. The factor is e^r = (R + r)/(R - r), where R = r

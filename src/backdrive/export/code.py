@@ -36,7 +36,7 @@ class Store:
 
 @dataclass(eq=False)
 class Do:
-    """A call for what it changes; or, without a text, nothing."""
+    """A call whose result is not used; without a text, an empty statement."""
 
     value: Scalar
 

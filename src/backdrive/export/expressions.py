@@ -208,7 +208,7 @@ class Expressions(Operators):
         )
 
     def element(self, array: Array, index: Value) -> Value:
-        """Return an element of an array, or where it goes on from an index."""
+        """Return an element of an array, or for a slice the rest of the array from an index on."""
         if isinstance(index, Several):
             by = number_of(index.items[0])
             if by is None:

@@ -22,9 +22,9 @@ class Function:
         parameters: declaration and name of each.
         body: its lines.
         result: type, `void` for none, a structure for several.
-        fields: of several results: (type, name, kind) of one in that structure; (None, ...) of one that is not, and behind it a
-            number that is always the same, its place in a table of a parameter, the index of a result that is the same, or
-            None for the only one that is returned.
+        fields: one entry for each of several results. A result in the structure has (type, name, kind). Any other result has
+            (None, ...), followed by where its value comes from: a constant, its place in a parameter's table, the index of
+            an equal result, or None for the only one that is returned.
         kind: of a single result.
         effect: it changes something.
         written: parameters that it writes to.

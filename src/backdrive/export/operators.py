@@ -59,7 +59,7 @@ COMPARE: dict[type, tuple[str, int, Callable]] = {
     ast.NotEq: ("!=", EQUAL, operator.ne),
 }
 LARGEST = float(np.finfo(np.float32).max)
-ZERO = re.compile(r" \+ 0\.0f?$")  # added to a number, which it leaves finite or not
+ZERO = re.compile(r" \+ 0\.0f?$")  # an added zero, which does not change whether a number is finite
 DEAD = "dead"  # text of a number that is never read
 MATH = {abs: "fabs", np.sqrt: "sqrt", np.copysign: "copysign"}
 

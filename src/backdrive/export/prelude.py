@@ -1,4 +1,4 @@
-"""The begin of every header: errors for compiler options that change results, and small functions."""
+"""The first part of every header: errors for compiler options that change results, and small functions."""
 
 from __future__ import annotations
 

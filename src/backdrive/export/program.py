@@ -54,7 +54,7 @@ class Program:
         Args:
             kernel: compiled or plain.
             arguments: what is known of each.
-            inner: only kernels call it, so that its result may be what suits them.
+            inner: only kernels call it, so its result may have the form that suits them.
 
         Raises:
             Untranslatable: it uses what the translator does not know.

@@ -25,7 +25,7 @@ class Results(Loops):
         source: the kernel.
         made: its function in C.
         parameters: declaration and name of each.
-        inner: it is called by kernels only, so that its result may be what suits them.
+        inner: only kernels call it, so its result may have the form that suits them.
     """
 
     source: Any

@@ -33,7 +33,7 @@ def score(one: JointForce) -> np.ndarray:
 
 
 def half_bands(one: JointForce) -> list[float]:
-    """Return half the band of each state, at rest half the friction's interval [N.m or N]; NaN of a state that does not occur."""
+    """Return half the band of each state, at rest half the friction's interval [N.m or N]; NaN for an absent state."""
     half = 0.5 * (one.upper - one.lower)
     return [
         float(np.median(half[one.state == k])) if np.any(one.state == k) else np.nan
@@ -150,7 +150,7 @@ def mark_contacts(estimate: ForceEstimate, thresholds: Sequence[Threshold]) -> F
 
 
 def _mark(one: JointForce, levels: np.ndarray) -> tuple[JointForce, list[tuple[float, float, str, float]]]:
-    """Return an estimate with the samples above its thresholds marked; and begin, end, joint and largest force of each
+    """Return an estimate with the samples above its thresholds marked; and start, end, joint and largest force of each
     contact.
     """
     z = score(one) / levels[one.state]
@@ -174,7 +174,7 @@ def _mark(one: JointForce, levels: np.ndarray) -> tuple[JointForce, list[tuple[f
 
 
 def _merge(spans: list[tuple[float, float, str, float]]) -> tuple[Contact, ...]:
-    """Return contacts of begin, end, joint and largest force; those of several joints at one time are one contact."""
+    """Return contacts from start, end, joint and largest force; those of several joints at one time are one contact."""
     events: list[Contact] = []
     for begin, end, name, force in sorted(spans):
         if events and begin <= events[-1].end + APART:

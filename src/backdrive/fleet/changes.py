@@ -1,4 +1,4 @@
-"""Detection of a change in an autocorrelated series: its significance, its shape and its begin.
+"""Detection of a change in an autocorrelated series: its significance, its shape and its start.
 
     y = X b + h z_tau(t) + e,   e_i = rho^(t_i - t_(i-1)) e_(i-1) + w_i
 
@@ -22,7 +22,7 @@ BLOCK = 5  # days whose signs are flipped together
 EDGE = 4  # days before the first and after the last tau
 GRID = 60  # taus that are searched
 LEAST = 14  # least length of a history that is tested [day]
-STEP_GAIN = 6.0  # variances by which a step must fit better than a ramp, since it fits chance better: both err equally often [-]
+STEP_GAIN = 6.0  # variances by which a step must fit better than a ramp, as it fits noise better; so both err equally often [-]
 SUSPECT = 9.0  # statistic from which draws are also made without a joint's own change [-]
 CLEAR = 4.0  # variances beyond it, to either side, from which the shape is sure [-]
 
@@ -62,7 +62,7 @@ class Onset:
     Attributes:
         shape: `ramp` or `step`.
         sure: whether the other shape fits clearly worse.
-        day: of its begin, since 1970-01-01.
+        day: of its start, since 1970-01-01.
         interval: 95 % of it, days since 1970-01-01.
         size: of the change until the last day, in the unit of the series.
         error: its standard error.
@@ -84,7 +84,7 @@ def series(day: np.ndarray, values: np.ndarray, design: np.ndarray, rho: float) 
 
 
 def onsets(day: np.ndarray, count: int) -> np.ndarray:
-    """Return the days that are tried as the begin of a change, about as many as asked for."""
+    """Return the days that are tried as the start of a change, about as many as asked for."""
     inner = day[EDGE:-EDGE]
     return inner[np.unique(np.linspace(0, inner.size - 1, min(count, inner.size)).round().astype(int))]
 
@@ -162,7 +162,7 @@ def null_statistics(
 
 
 def date_change(one: Series, part: int) -> Onset:
-    """Return shape and begin of the change of a part, with an interval by its likelihood.
+    """Return shape and start of the change of a part, with an interval from its likelihood.
 
     A ramp's begin is a regular parameter: days whose fit is worse by less than the 95 % point of F(1, df). That of a step is
     not: -2 ln(1 - sqrt(0.95)) of the likelihood ratio (Yao 1987; Siegmund 1988). If the shape is unclear, the interval

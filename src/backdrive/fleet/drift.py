@@ -87,7 +87,7 @@ def drifts(
     Args:
         joints: their histories.
         rate: share of false alarms among the named that is allowed [-].
-        since: name only changes whose interval of the begin extends beyond this day.
+        since: name only changes whose interval of the start extends beyond this day.
         seed: of the flipped signs.
 
     Returns:
@@ -189,7 +189,8 @@ def _siblings(joints: Sequence[History]) -> dict[tuple[str, str], dict[float, fl
 def _probabilities(every: Sequence[changes.Series], seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the p-value of every series against flipped ones of all of them, and the part that shows its change best.
 
-    The change of a joint that is named with such draws is not in them; that of a joint that is not named is chance, and is.
+    The draws of a joint that is named exclude its own change. A joint that is not named counts as unchanged, so that its draws
+    include whatever change it shows.
     """
     count = int(np.clip(FEWEST // len(every), LEAST, MOST))
     observed, parts = np.empty(len(every)), np.empty(len(every), dtype=int)
@@ -228,7 +229,7 @@ def _warmth(one: changes.Series, season: str) -> float:
 
 
 def _date_change(known: Drift, one: changes.Series, part: int, since: date | None) -> Drift:
-    """Return a change with its shape and begin; not named if its interval ends before `since`."""
+    """Return a change with its shape and start; not named if its interval ends before `since`."""
     change = changes.date_change(one, part)
     low, high = change.interval
     return replace(

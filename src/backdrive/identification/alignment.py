@@ -17,7 +17,7 @@ ALIKE = 0.8  # least correlation of planned and measured velocity [-]
 APART, EQUAL = (
     0.05,
     0.98,
-)  # a second begin is reported if it lies further away (share of the plan) and correlates as well (share of the best) [-]
+)  # a second start is reported if it lies further away (share of the plan) and correlates as well (share of the best) [-]
 MOST = 1 << 19  # samples of the lag's grid
 
 FEWEST_REVERSALS = 4  # in the motion and in its plan alike
@@ -76,7 +76,7 @@ def with_plan(log: Log, plan: Any, start: Start) -> Log:
 
 
 def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
-    """Return the time from a log's first sample to the begin of its plan [s], and the correlation of the velocities there [-].
+    """Return the time from a log's first sample to the start of its plan [s], and the correlation of the velocities there [-].
 
     The third value is another time at which the plan fits as well, or None. The log may contain the motion twice.
 
@@ -85,7 +85,7 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
 
     Raises:
         InvalidInput: the plan is not one of positions, or the log has no clock.
-        NotIdentifiable: even there they are not alike.
+        NotIdentifiable: even there the velocities hardly correlate.
     """
     from scipy.signal import correlate  # half a second of imports, and few logs have a plan that began late
 
@@ -135,7 +135,7 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
 def tempo(log: Log, joint: str, plan: Any) -> Tempo | None:
     """Return the ratio of a joint's motion to its plan; None if the reversals of the two do not match.
 
-    Reversals are compared one by one, whatever the delay; where one side has some more, the overlap that fits best counts.
+    Reversals are compared one by one, for any delay. If one side has more of them, the best-fitting overlap counts.
 
     Args:
         log: with position or velocity.
@@ -180,7 +180,7 @@ def _compare(wanted: np.ndarray, actual: np.ndarray) -> Tempo | None:
 
 
 def _reversals(position: np.ndarray, step: float, share: float) -> np.ndarray:
-    """Return instants [s] and positions at which a motion turns for a stroke of a share of its travel, (2, n)."""
+    """Return instants [s] and positions of the turns between strokes of at least a share of the travel, (2, n)."""
     turns = turning_points(position, share * float(np.ptp(position)))[1:-1]
     return np.stack([step * turns, position[turns]])
 

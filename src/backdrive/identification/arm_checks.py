@@ -73,7 +73,7 @@ def impossible(distance: float) -> tuple[str, ...]:
     """Return a warning if no physical bodies have base parameters within the errors of the fitted ones.
 
     Args:
-        distance: of possible ones, squared, by the errors' 95 % [-].
+        distance: squared distance of possible base parameters, divided by that which holds 95 % of all errors [-].
     """
     sentence = (
         f"No bodies of positive mass give the arm's torques (the nearest ones deviate by {np.sqrt(distance):.1f} "

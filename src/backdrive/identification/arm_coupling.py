@@ -47,9 +47,9 @@ class CouplingGuess:
     """A motor that seems to drive another joint as well.
 
     Attributes:
-        motor: which turns along with the other joint, by its number.
-        joint: the other one.
-        value: d, turns of the motor by the joint's [-].
+        motor: number of the motor, which turns along with the other joint.
+        joint: number of the other joint.
+        value: d, turns of the motor per turn of the joint [-].
         error: its standard error [-].
     """
 
@@ -123,7 +123,7 @@ def _suspects(rows: Rows, terms: Sequence[Terms], solution: Solution) -> list[tu
 
 
 def _coefficients(own: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the least-squares coefficients of others by columns, (p, ...)."""
+    """Return the least-squares coefficients of `other` by the columns of `own`, (p, ...)."""
     size = np.maximum(np.linalg.norm(own, axis=0), 1e-300)
     scaled = own / size
     gram = scaled.T @ scaled + RIDGE * np.eye(size.size)
@@ -144,14 +144,14 @@ def _unseen(error: np.ndarray, shape: np.ndarray) -> float:
 
 
 def _certainty(gain: np.ndarray) -> float:
-    """Return the mean of blocks by its standard error [-]."""
+    """Return the mean over blocks divided by its standard error [-]."""
     spread = float(gain.std(ddof=1))
     return float(gain.mean()) / spread * np.sqrt(gain.size) if spread > 0.0 else 0.0
 
 
 @dataclass(eq=False, kw_only=True)
 class Search:
-    """Residuals of a motor and of the joint that it may turn along with, by d."""
+    """Residuals of a motor and of the joint that it may turn along with, as functions of d."""
 
     rows: Rows
     stretches: Sequence[ArmSignals]
@@ -165,7 +165,7 @@ class Search:
         self.step = steps_of(self.stretches)
 
     def pieces(self, d: float) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return columns and torque of the motor and of the joint, if it were d."""
+        """Return columns and torque of the motor and of the joint for a given d."""
         rows, used, motor, joint = self.rows, self.used, self.motor, self.joint
         along = []
         for s in self.stretches:

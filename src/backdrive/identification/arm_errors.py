@@ -45,7 +45,7 @@ class FitErrors:
     Attributes:
         covariance: of all coefficients, zero for what is at a bound, (p, p).
         loose: standard error of each coefficient at a bound if it were let go alone, 0 for what is free, (p,).
-        pushed: how far below the bound it would go, in these [-], 0 for what is free, (p,).
+        pushed: how far below the bound it would then lie, in these errors [-], 0 for what is free, (p,).
     """
 
     covariance: np.ndarray
@@ -63,7 +63,7 @@ def errors_of_fit(
         held: H, precision of the priors, (p, p).
         pull: gradient of the priors at the solution, -H (x - start), (p,).
         free: coefficients that are at no bound, (p,).
-        misfit: true variance of what the data say, relative to that of leaving out blocks [-].
+        misfit: true variance of the data's contribution, divided by the variance that leaving out blocks shows [-].
     """
     used = np.flatnonzero(blocks.rows > 0)
     gram, slope = blocks.gram.sum(axis=0), blocks.moment.sum(axis=0) + pull

@@ -51,9 +51,10 @@ def standard_parameters(
         covariance: of the base parameters, (b, b).
 
     Returns:
-        theta, (10 J,), and the share of its base parameters' squared distance from beta in that within which 95 % of all errors
-        lie [-]. It is 0, and relation @ theta = beta, where bodies can have these. Above 1, errors do not explain the
-        inconsistency; theta is then nearest to the description by least squares, with relation @ theta = beta.
+        theta, (10 J,), and the squared distance of its base parameters from beta, divided by that which holds 95 % of all
+        errors [-]. This number is 0, and relation @ theta = beta, if physical bodies have these base parameters. Above 1,
+        errors do not explain the inconsistency; theta is then the least-squares one nearest to the description, with
+        relation @ theta = beta.
     """
     nearest = robot.base.standard(beta, robot.parameters, spread)
     if possible(nearest, spread).all():

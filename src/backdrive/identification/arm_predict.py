@@ -113,8 +113,8 @@ def torque_parts(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the predicted torque along a stretch, and its part that is not the friction curve, each (n, J).
 
-    They are of the motors, where these drive several joints. The load that a joint carries is what moves and holds the bodies: what
-    friction grows by with it is not of the curve.
+    If motors drive several joints, both are torques of the motors. A joint's load is the torque that moves and holds the bodies.
+    The growth of friction with this load does not belong to the curve.
     """
     bodies = Regressor(robot, [s]).bodies(0, robot.base.relation @ np.array(arm.parameters))
     rest, curve = np.empty_like(bodies), np.empty_like(bodies)

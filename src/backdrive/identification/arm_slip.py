@@ -28,10 +28,10 @@ ROUNDS = 4  # of shifting
 SURE = 4.0  # standard errors from which on a delay is taken [-]
 LONGEST = 0.05  # delay that is sought [s]
 EXACT = 5e-3  # standard error up to which it is known [s]
-FEWEST = 3  # joints whose bodies tell of it
+FEWEST = 3  # least number of joints whose bodies determine it
 RIDGE = 1e-6  # of a joint's own columns at unit length, which are many
 SLOW, SETTLE = 0.05, 0.3  # share of the top speed below which, and time [s] around which, friction may lag
-TELLS = 1e-3  # share of the bodies' change that is not the other columns', at least [-]
+TELLS = 1e-3  # least share of the bodies' change that the other columns do not explain [-]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """The break-away torque of a joint on a torque ramp: the friction that it overcomes when it begins to slide.
 
 A joint creeps before it slides, so the torque at which its speed passes a threshold is not the break-away torque. That is the
-torque u0 = u(t0) at the begin t0 of a slide from rest that fits the measured one,
+torque u0 = u(t0) at the start t0 of a slide from rest that fits the measured one,
 
     J a + B v = u - u0 = k (t - t0),   J (x - x0) + B integral of (x - x0) = k (t - t0)^3 / 6,
 
@@ -23,7 +23,7 @@ COUNTED = 20.0  # and encoder steps [-]
 RISE = 0.1  # relative growth of the torque over which the slide is evaluated [-]
 FEWEST = 12  # least number of samples of a slide
 MISFIT = 5.0  # relative uncertainty of the friction per relative residual of the slide's equation [-]
-EARLY = 1.0  # longest time between the begin of a slide and its detection [s]
+EARLY = 1.0  # longest time between the start of a slide and its detection [s]
 EDGE = 0.1  # ends of a ramp that may be round [s]
 BENDS = (
     4  # degree of the polynomial that measures a ramp's deviation from a line, independent of its noise [-]

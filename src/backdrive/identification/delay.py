@@ -36,7 +36,7 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
 
 
 def cubic(samples: float) -> tuple[int, tuple[float, float, float, float]]:
-    """Return whole samples, and the weights of the four samples from two more before to one fewer before, of an interpolation."""
+    """Return the whole samples of a delay, and the weights that interpolate between the four samples around that place."""
     whole = int(np.floor(samples))
     u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
     return whole, (

@@ -96,7 +96,7 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
 
 
 def rest_and_total(friction: JointFriction, signals: Signals) -> tuple[np.ndarray, np.ndarray]:
-    """Return what `rest_of_dynamics` and `predict` do, for little more than either alone [N.m or N], (n,) each.
+    """Return what `rest_of_dynamics` and `predict` return, in hardly more time than one of them [N.m or N], (n,) each.
 
     Raises:
         InvalidInput: the model needs a channel that the log does not hold.

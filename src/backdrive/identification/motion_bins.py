@@ -45,7 +45,7 @@ class Bins:
         return replace(self, X=self.X @ spread)
 
     def faster(self, speed: float) -> Bins:
-        """Return the same with only those used that are at least so fast [rad/s or m/s]."""
+        """Return the same bins, of which only those at least as fast as a speed are used [rad/s or m/s]."""
         return replace(self, used=self.used & (self.speed >= speed))
 
     def whiten(self, correlation: float) -> Bins:

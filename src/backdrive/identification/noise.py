@@ -22,11 +22,11 @@ from backdrive.identification import regression
 from backdrive.logs.filters import fft_length
 
 LONGEST = 400  # lag that is looked at, at most [sample]
-SEEN = 2.0  # a correlation counts from so many times sqrt(log10 N / N) on [-]
-QUIET = 10  # so many lags below that end the correlation
-ROUNDS = 4  # what the fit took is that of the round before
-WHOLE = 10.0  # independent samples that the noise of all runs counts as, beside those of one run
-LEAST = 0.1  # variance of a sum by that of white noise of the same size, at least [-]
+SEEN = 2.0  # a correlation counts as seen if it is at least this many times sqrt(log10 N / N) [-]
+QUIET = 10  # the correlation ends where this many lags in a row are below that limit
+ROUNDS = 4  # in each, what the fit removed follows from the correlation of the round before
+WHOLE = 10.0  # weight of the noise of all runs beside that of one run, in independent samples
+LEAST = 0.1  # least variance of a sum, relative to that of white noise of the same size [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

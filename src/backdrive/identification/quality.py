@@ -85,7 +85,7 @@ def assess_parts(parts: Iterable[Part]) -> Quality:
 
 
 def assess_both(parts: Sequence[Part], others: Sequence[np.ndarray]) -> tuple[Quality, Quality]:
-    """Return what `assess_parts` does, and the same of other predictions of each part (n,), in less time than twice."""
+    """Return what `assess_parts` does, and the same for other predictions of each part (n,), in less time than two calls."""
     both = zip(parts, others, strict=True)
     first, second = _qualities(((s.torque, [p, q], s.rate, s.sliding) for (s, _, p, _), q in both), 2)
     return first, second

@@ -1,4 +1,4 @@
-"""Linear least squares that knows blocks: robust weights, cross-validation and honest standard errors.
+"""Linear least squares over blocks of samples: robust weights, cross-validation and honest standard errors.
 
 Samples of a log are not independent. Blocks of neighbours are: they are what is held out in cross-validation, and what the
 standard errors are computed from (the cluster-robust sandwich of Liang & Zeger 1986).

@@ -16,7 +16,7 @@ from backdrive.model import JointFriction
 
 SURE = 3.0  # standard errors by which something differs
 EARLY = 0.8  # of Coulomb friction: no joint breaks away below it [-]
-SHARE = 0.05  # and by so much of it, or of the friction [-]
+SHARE = 0.05  # least difference, relative to the value itself or to the friction [-]
 ONE_WAY_ONLY = "The joint moved in one direction only: friction and a constant torque cannot be separated."
 Severity = Literal["poor", "unknown", "care", "note"]
 

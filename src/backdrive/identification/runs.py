@@ -23,7 +23,7 @@ LEAST_SHARE = 0.5  # least share of a log that is one run, without start and sto
 SEEN = 0.25  # gravity must explain so much of the torque's variance within the runs [-]
 SURE = 10.0  # or be so many standard errors [-]
 UNEVEN = 0.25  # standard deviation of the velocity by its mean, beyond which a run did not keep its speed [-]
-CERTAIN = 3.0  # so many times its own error it must be more than the encoder's noise [-]
+CERTAIN = 3.0  # the variation must exceed the encoder's noise by this many standard errors of that noise [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +181,7 @@ def _keeps_level(velocity: np.ndarray, smooth: np.ndarray) -> bool:
 
 
 def _plateaus(velocity: np.ndarray, period: float) -> list[tuple[int, int]]:
-    """Return begin and end of every stretch that keeps its velocity."""
+    """Return the start and end of every stretch that keeps its velocity."""
     width = max(3, int(LEAST_TIME / period))
     if velocity.size < 2 * width:
         return []

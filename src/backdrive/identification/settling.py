@@ -64,7 +64,7 @@ def _lags(fitted: Bins, column: np.ndarray, correlation: float) -> bool:
 
 
 def _ways(stretches: Sequence[Signals], seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return way since the last reversal and sense of the motion of all bins, (n,) each, and the median way between reversals."""
+    """Return distance since the last reversal and direction of all bins, (n,) each, and the median distance between reversals."""
     ways, senses, middles = [], [], []
     for s in stretches:
         width, count = bin_size(s, seconds)

@@ -27,9 +27,12 @@ NEAR = 0.3, 0.01  # two estimates of a delay agree to that share of it, or to th
 LEVER = 0.002  # distance of two delays that measures the reduced response of the jerk [s]
 SHARES = 0.3, 1.5  # limits of that response during the search [-]
 KNOWN = 2.0  # a delay is known if its standard error is at most so many sampling intervals [-]
-MOST = 0.99  # correlation of the noise of neighbouring bins that is reckoned with [-]
-SURE = 5.0  # a delay takes part though it is not known well, if it is so many standard errors longer than an interval [-]
-OPPOSITE, SLIGHT = -0.48, -0.1  # the most negative one, and one from which on it is reckoned with [-]
+MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
+SURE = 5.0  # a poorly known delay is used if it exceeds a sampling interval by this many standard errors [-]
+OPPOSITE, SLIGHT = (
+    -0.48,
+    -0.1,
+)  # the most negative correlation, and the one above which a negative one counts as zero [-]
 FELT = 3.0  # inertia is significant if it is so many standard errors above zero [-]
 SHOWN = 0.05  # least response of the jerk to a delay [-]
 CORNERS, OF_JERK = (
@@ -116,8 +119,8 @@ def seek_slip(
         full: candidate with inertia and jerk that the delay is sought with.
         seconds: of the bins [s].
         start: delay from which on it is sought [s].
-        near: that is nearly the delay, which higher frequencies then tell better.
-        rough: of the error it only matters whether it is finite.
+        near: `start` is close to the delay, so that higher frequencies determine it better.
+        rough: the caller needs to know of the error only whether it is finite.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)

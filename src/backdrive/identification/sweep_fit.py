@@ -51,8 +51,8 @@ class SweepFit:
         centers: of the sweeps [rad or m].
         covariance: of the torques at the law's knots, along +q first [(N.m)^2 or N^2], (2 m, 2 m).
         with_terms: the same with `ALL` after them, those that were not found without variance, (2 m + 4, 2 m + 4).
-        noise_gain: standard error of the constant difference by that of the half sum about one center [-]; NaN where it was
-            not attributed.
+        noise_gain: standard error of the constant difference, divided by that of the half sum about one center [-]; NaN where
+            the difference was not attributed.
         load: growth of the friction with the gravity that the joint carries and its standard error [-], and the gravity at
             which the law holds [N.m]; None where the data do not show it.
     """

@@ -1,4 +1,4 @@
-"""Friction laws: a rate law carried by a presliding element."""
+"""Friction laws: a rate law (torque at a velocity) and a presliding element (how it builds up at reversals)."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ from backdrive.laws.rates.sigmoid import Sigmoid as Sigmoid
 from backdrive.laws.rates.stribeck import StribeckTustin as StribeckTustin
 from backdrive.laws.rates.stribeck_gauss import StribeckGauss as StribeckGauss
 
-#: Every rate law and every presliding element by name. A law is one file and its line above.
+#: Every rate law and every presliding element by name. To add one, write its file and import it above.
 RATES: dict[str, type[Rate]] = by_name(globals(), Rate)
 ELEMENTS: dict[str, type[Element]] = by_name(globals(), Element)
 
@@ -116,7 +116,7 @@ class Law:
         return (self.rate, self.element) if self.growth is None else (self.rate, self.element, self.growth)
 
     def state(self) -> np.ndarray:
-        """Return the state of a joint at rest and relaxed, followed by equal space for `solve`, (2 S,)."""
+        """Return the state of a joint at rest and relaxed, and behind it as many zeros as work space for `solve`, (2 S,)."""
         return np.zeros(2 * max(self.element.states(), 1))
 
     def row(self) -> np.ndarray:
@@ -130,7 +130,10 @@ class Law:
 
     @property
     def usual_load(self) -> tuple[float, float]:
-        """Return the default pair of loads: zeros, or (0, NaN) for a law that grows. NaN stands for the load of its curve."""
+        """Return the default pair of loads: zeros, or (0, NaN) for a law that grows.
+
+        NaN stands for the load under which its curve was identified.
+        """
         return (0.0, 0.0) if self.growth is None else (0.0, float("nan"))
 
     def torque(

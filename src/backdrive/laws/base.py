@@ -16,7 +16,7 @@ SPEEDS = (
     *np.geomspace(1e-9, 1e6, 61).tolist(),
 )  # speeds at which a rate law is evaluated [rad/s or m/s]
 
-MOST = 0xFFFF  # numbers of a law's row
+MOST = 0xFFFF  # largest size of a law's row
 
 R = TypeVar("R", bound="Rows")
 
@@ -63,7 +63,8 @@ class Parameter:
         source: where the typical value was published.
         log: whether values span orders of magnitude, so that a search should step in their logarithm.
         start: where a fit begins, a number or a function of the `Sizes` of the data.
-        peak: it must not exceed the largest friction in the data; without slow motion, only this bound limits it.
+        peak: the parameter must not exceed the largest friction in the data. If the data hold no slow motion, only this
+            bound limits it.
     """
 
     symbol: str
@@ -87,7 +88,7 @@ class Parameter:
 
 @dataclass(frozen=True, kw_only=True)
 class Rows:
-    """Base of the dataclasses above the kernels: parameter values are checked and converted to a row.
+    """Base of rate laws, elements and growth: it checks parameter values and converts them to a row for the kernels.
 
     NAME is used in files and commands. KIND is the integer by which kernels are selected; classes of one KIND share a kernel
     and differ in the free parameters. CLAIMS are sentences that the contract tests verify. WORDS is the name in reports if it
@@ -198,7 +199,7 @@ class Rate(Rows):
             temperature: [degC].
 
         Returns:
-            Smallest and largest Coulomb torque [N.m or N] and smallest viscous coefficient [N.m.s/rad or N.s/m], twice.
+            Smallest and largest Coulomb torque [N.m or N] and smallest viscous coefficient [N.m.s/rad or N.s/m], by direction.
         """
         found: list[tuple[float, float, float]] = []
         for curve in self.curves(load, temperature).values():
@@ -235,8 +236,8 @@ class Element(Rows):
     """Base of presliding elements: how the torque of a rate law builds up and relaxes at reversals.
 
     Attributes:
-        SLIDER: the viscous part of the rate law uses the slider's velocity, not the joint's. If it uses the joint's, its
-            falling part (falling sections of a polyline) narrows the bounds instead.
+        SLIDER: the viscous part of the rate law uses the slider's velocity. Otherwise it uses the joint's; where it would
+            then drive the joint (falling sections of a polyline), it narrows the bounds instead.
         DRIFTS: a vibration below break-away lets the element drift, cycle by cycle.
         STEADY: at constant velocity the torque is that of the rate law.
         ZONE: in a zone of low velocity the torque is zero, including the viscous part.
@@ -245,9 +246,9 @@ class Element(Rows):
             which may be x. Otherwise the state is one number z, and `step(p, e, z, lo, hi, dp, dt) -> z, torque`. With SLIDER
             or ZONE, `step` also returns the motion that the viscous part uses.
 
-    Often most of a step does not depend on the state. Its file may then offer `ahead(p, e, lo, hi, dp, dt) -> a, b, c` for this
-    part, `follow(z, a, b) -> after` and `torque(p, e, z, after, c, dt)`, and compose `step` from these. Loops then evaluate
-    `ahead` for several ticks at once.
+    Often most of a step does not depend on the state. The element's file may then offer for this part
+    `ahead(p, e, lo, hi, dp, dt) -> a, b, c`, with `follow(z, a, b) -> after` and `torque(p, e, z, after, c, dt)`, and compose
+    `step` from these. Loops then evaluate `ahead` for several ticks at once.
     """
 
     SLIDER: ClassVar[bool] = False

@@ -18,8 +18,8 @@ import numpy as np
 from backdrive.errors import InvalidInput
 from backdrive.laws.base import Rate
 
-BEHIND = "-by-direction"  # the name of the rate law
-BACKWARD = "_backward"  # the name of a parameter along -q
+BEHIND = "-by-direction"  # suffix of the rate law's name
+BACKWARD = "_backward"  # suffix of the name of a parameter along -q
 MARK = 0.25  # added to p[0], the number of parameters before the element, if they contain the rate law's row twice
 
 R = TypeVar("R", bound=Rate)

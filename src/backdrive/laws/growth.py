@@ -80,7 +80,7 @@ class Growth(Rows):
         return 0.5 * (self.load_driving + self.load_driven)
 
     def scale(self, factor: float) -> Growth:
-        """Return the growth of a share of the friction."""
+        """Return the growth of `factor` times the friction."""
         up, down = factor * self.load_driving, factor * self.load_driven
         return replace(self, load_driving=up, load_driven=down)
 

@@ -1,4 +1,4 @@
-"""One compiled entry for all laws, selected by integers, and the kernels of known laws (`of_kinds`).
+"""Compiled kernels: general ones that select among all laws by integers, and faster ones for given laws (`of_kinds`).
 
 A law is a row `p`: p[0] is the number m of rate-law parameters, p[1:1+m] the rate law's row, p[1+m:] the element's. If
 friction grows with the load, p[0] is larger by 1/2, and the last of the m numbers are those of `growth`. If the rate law

@@ -120,7 +120,7 @@ def bounds(parameter: Parameter) -> str:
 
 
 def _number(value: float | tuple[float, ...] | None) -> str:
-    """Return numbers to four digits, 1e6 and 1e-9 without the zeros and the plus of C."""
+    """Return numbers to four digits, with short exponents: 1e6 and 1e-9 instead of 1e+06 and 1e-09."""
     if value is None:
         return ""
     shown = (f"{x:.4g}" for x in (value if isinstance(value, tuple) else (value,)))

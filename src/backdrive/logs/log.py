@@ -21,7 +21,7 @@ from backdrive.logs.values import check_period, read_only
 #: Larger numbers are not measurements in any unit, and products of a few of them overflow; an infinity counts as a missing
 #: sample.
 LARGEST = 1e60
-AS_SI = "was taken as SI"  # in a note of a doubt
+AS_SI = "was taken as SI"  # words of a note on a doubtful unit
 WRENCH = 6  # numbers of a wrench
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.

@@ -59,7 +59,9 @@ def resolution(values: np.ndarray) -> float:
     if unit and (step := _before_rounding(levels, unit)):
         return step
     step = least = float(apart.min())
-    apart = apart[apart < 1e5 * least]  # of longer ones the rounding of the step would decide
+    apart = apart[
+        apart < 1e5 * least
+    ]  # for longer ones, the rounding of the step would decide whether they fit
     while True:  # every round halves the step at least
         multiples = apart / step
         left = np.abs(multiples - np.round(multiples))

@@ -20,7 +20,7 @@ from backdrive.errors import BackdriveError, ModelFileError
 if TYPE_CHECKING:
     from backdrive.model import Covariance, JointFriction
 
-BIG = 1e12  # of any number but those below, in SI
+BIG = 1e12  # largest magnitude of any number but those below, in SI
 MOST_ERROR = 1e100  # of a standard error or a quality; that of an undetermined value may be nearly infinite
 MOST_SPEED = 1e6  # of the validity range [rad/s or m/s]
 MOST_TORQUE = 1e7  # of friction at rest and in the validity range [N.m or N]

@@ -74,7 +74,7 @@ class Covariance:
         return dict(zip(self.names, np.sqrt(np.diag(self.array())).tolist(), strict=True))
 
     def of_numbers(self, errors: Mapping[str, Any]) -> Covariance | None:
-        """Return the rows that are of a joint's numbers; None where none is.
+        """Return the covariance of the rows that belong to a joint's numbers; None if there is no such row.
 
         Args:
             errors: standard errors by parameter and term, one number or one a value; NaN where unknown.

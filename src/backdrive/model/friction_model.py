@@ -60,7 +60,7 @@ class FrictionModel(Display):
         options: options of the identification.
         version: backdrive that made it.
         coupling: C of q_joint = C q_motor, where motors drive several joints, rows in the order of the joints, (J, J).
-        coupled: names of the joints that the rows of `coupling` are of, where the matrix holds more joints than the model.
+        coupled: names of the joints in the rows of `coupling`, if the matrix contains more joints than the model.
     """
 
     joints: tuple[JointFriction, ...]

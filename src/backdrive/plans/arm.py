@@ -115,7 +115,7 @@ class ArmPlan:
         return self.series(np.zeros(1), 0)[0]
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of the full pace and of the slow part on the log's clock [s], (2, 2)."""
+        """Return the start and end of the full pace and of the slow part on the log's clock [s], (2, 2)."""
         return self.start + self.edges[[1, 2, 3, 4]].reshape(2, 2)
 
     def series(self, s: np.ndarray, order: int) -> np.ndarray:
@@ -215,7 +215,7 @@ class JointOfArm:
         return self._at(t, 2)
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of the full pace and of the slow part on the log's clock [s], (2, 2)."""
+        """Return the start and end of the full pace and of the slow part on the log's clock [s], (2, 2)."""
         return self.plan.windows() + self.start - self.plan.start
 
     @property

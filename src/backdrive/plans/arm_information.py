@@ -57,7 +57,7 @@ class Information:
         for name in self.purpose:
             lookup(name, PURPOSES, "purpose of a motion")
         if self.frame is not None:
-            self.robot.frame(self.frame)  # refuses one that there is not
+            self.robot.frame(self.frame)  # refuses an unknown frame
 
     @cached_property
     def loads(self) -> tuple[int, ...]:

@@ -33,7 +33,7 @@ DEGREE = math.pi / 180.0
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Base class of the plans of one joint. Each plan has `duration` [s] and `windows()`, begin and end of the parts from
+    """Base class of the plans of one joint. Each plan has `duration` [s] and `windows()`, start and end of the parts from
     which the identification takes samples [s], (k, 2).
 
     Attributes:
@@ -73,13 +73,13 @@ class Plan:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionPlan(Plan):
-    """A plan of a stroke about a center; a kind of its own has `_motion(t, order)`, `peak_velocity` [rad/s or m/s] and
+    """A plan of a stroke about a center; each subclass has `_motion(t, order)`, `peak_velocity` [rad/s or m/s] and
     `peak_acceleration` [rad/s^2 or m/s^2].
 
     Attributes:
         stroke: full stroke, peak to peak [rad or m].
         center: middle of the stroke [rad or m].
-        lead_in: duration of the motion to the begin of its windows [s]; None: a gentle default.
+        lead_in: duration of the motion to the start of its windows [s]; None: a gentle default.
     """
 
     stroke: float
@@ -219,7 +219,7 @@ def phrase(value: float, unit: str, toward: float = 0.0) -> str:
 
 
 def between(edges: np.ndarray) -> np.ndarray:
-    """Return begin and end of the intervals between neighbouring edges (k + 1,) [s], (k, 2)."""
+    """Return the start and end of the intervals between neighbouring edges (k + 1,) [s], (k, 2)."""
     return np.column_stack([edges[:-1], edges[1:]])
 
 

@@ -130,7 +130,7 @@ class ConstantVelocity(MotionPlan):
         return np.repeat(self.speeds, 2) * np.tile([1.0, -1.0], len(self.speeds))
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of the constant velocity of each run, on the log's clock [s], (2 k, 2)."""
+        """Return the start and end of the constant velocity of each run, on the log's clock [s], (2 k, 2)."""
         return self._plan[1].copy()
 
     @property

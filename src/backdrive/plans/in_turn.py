@@ -144,12 +144,12 @@ class InTurn:
         return self._columns(t, lambda plan, x: plan.torque(x), np.zeros(len(self.joints)))
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of each joint's turn on the log's clock [s], (plans, 2)."""
+        """Return the start and end of each joint's turn on the log's clock [s], (plans, 2)."""
         return np.array([(p.start, p.start + p.duration) for p in self.plans])
 
     @property
     def duration(self) -> float:
-        """From the begin of the first turn to the end of the last [s]."""
+        """From the start of the first turn to the end of the last [s]."""
         return float(self.plans[-1].start + self.plans[-1].duration - self.start)
 
 

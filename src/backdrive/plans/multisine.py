@@ -148,7 +148,7 @@ class Multisine(MotionPlan):
         return result.reshape(np.shape(t))
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of each whole period on the log's clock [s], (periods, 2)."""
+        """Return the start and end of each whole period on the log's clock [s], (periods, 2)."""
         return between(self.start + self._lead + self.period * np.arange(self.periods + 1))
 
     @property

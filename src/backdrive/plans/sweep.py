@@ -146,7 +146,7 @@ class Sweep(MotionPlan):
         return half * (np.cos(phase) * self._phase(t, 1) ** 2 + np.sin(phase) * self._phase(t, 2))
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of each cycle on the log's clock [s], (slow + N, 2); (2.3)."""
+        """Return the start and end of each cycle on the log's clock [s], (slow + N, 2); (2.3)."""
         return between(self._turns)
 
     @property

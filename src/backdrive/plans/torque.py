@@ -16,7 +16,7 @@ from backdrive.plans.base import Options, Plan, between, instants, settle, settl
 
 @dataclass(frozen=True, kw_only=True)
 class TorquePlan(Plan):
-    """A torque that swings about an offset; a kind of its own says `_torque` and `_height`.
+    """A torque that swings about an offset; each subclass defines `_torque` and `_height`.
 
     Attributes:
         offset: torque about which it swings, such as gravity's; also held before and after [N.m or N].
@@ -61,7 +61,7 @@ class Swinging(TorquePlan):
         settle_count(self, "cycles")
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of each period on the log's clock [s], (cycles, 2)."""
+        """Return the start and end of each period on the log's clock [s], (cycles, 2)."""
         return between(self.start + 1.0 / self.frequency * np.arange(self.cycles + 1))
 
     @property
@@ -190,7 +190,7 @@ class TorqueRamp(TorquePlan):
         return Pieces.linear(self._turns, self.offset + values)
 
     def windows(self) -> np.ndarray:
-        """Return begin and end of each rise and fall on the log's clock [s], (2 cycles + 1, 2); the first is virgin."""
+        """Return the start and end of each rise and fall on the log's clock [s], (2 cycles + 1, 2); the first is virgin."""
         return between(self._turns)
 
     @property

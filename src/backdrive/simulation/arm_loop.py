@@ -39,11 +39,11 @@ def polygon(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return a hand's path along a polygon, a minimum-jerk stroke a side: positions [m] and velocities [m/s], (n, 3) each.
 
-    With variation, a hand ends a stroke beside the corner, and begin and duration vary from stroke to stroke, as in
+    With variation, a hand ends a stroke beside the corner, and start and duration vary from stroke to stroke, as in
     `hand.strokes`.
 
     Args:
-        corners: relative to where the grip begins, the first of them the begin itself [m].
+        corners: relative to the grip's first position, which is the first corner [m].
         dt: sampling time [s].
         duration: of a stroke [s].
         interval: between the beginnings of strokes [s].

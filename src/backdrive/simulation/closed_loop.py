@@ -43,7 +43,7 @@ class Scene(WithBounds):
         hand: its impedance; None for a hand that only pushes.
         loop: compensator and estimator; None for neither.
         controller: a `Servo` that follows `target`, an `Admittance`, `torque` for the torque that `target` holds, or None.
-        target: reference position and velocity, or torque and nothing, (n, 2); None for where the joint begins.
+        target: reference position and velocity, or torque and an unused column, (n, 2); None: where the joint starts.
         period: of the loop [s].
         delay: of the drive beyond that of the plant [s].
         gravity_compensated: the command holds the joint's weight.
@@ -185,7 +185,7 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None, one_ker
 
 
 def kernel_of(*cases: tuple[Scene, tuple]) -> Callable[..., None]:
-    """Return `run` for what stands in scenes whose joints have one law.
+    """Return `run`, compiled only for the parts that occur in scenes whose joints have the same law.
 
     Args:
         cases: scenes to be played, each with the arguments that `prepare` makes of it.

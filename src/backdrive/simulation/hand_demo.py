@@ -38,7 +38,7 @@ class HandDemo:
         unit: of force, `N.m` or `N`.
         motion_unit: `rad` or `m`.
         force: root mean square of the hand's force, without and with compensation [N.m or N].
-        error: root mean square of estimate less sensor by that of the sensor, without compensation [-].
+        error: root mean square of estimate minus sensor, divided by that of the sensor, without compensation [-].
     """
 
     bare: Record = field(repr=False)

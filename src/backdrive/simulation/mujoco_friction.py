@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 MOST_STEPS = 50  # that a step is divided into
 SPRING, DAMPING = 1.0 / 16.0, 0.5  # K h^2/I and D h/I of what carries a law without presliding
-LITTLE = 1e-12  # way by which stiffness and damping at rest are found [rad or m]
-LONG, SHORT = 1e-2, 1e-4  # times in which it is gone [s]
+LITTLE = 1e-12  # displacement that shows stiffness and damping at rest [rad or m]
+LONG, SHORT = 1e-2, 1e-4  # durations of this displacement [s]
 PURPOSE = "Friction in a simulation by MuJoCo needs"
 
 
@@ -89,7 +89,7 @@ class Dof:
         q: its place in `qpos`.
         v: its place in `qvel`.
         law: of its friction, as it runs.
-        steps: that a step is divided into for its sake.
+        steps: number of parts that a step must be divided into for this joint.
     """
 
     name: str

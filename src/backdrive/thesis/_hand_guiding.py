@@ -63,7 +63,7 @@ class Guidance:
         return replace(self, **changes)
 
     def with_transmission(self, ratio: float) -> Guidance:
-        """Return the same with a transmission of a stiffness K_c that is so many times K."""
+        """Return the same with a transmission whose stiffness K_c is `ratio` times K."""
         return self.replace(plant=self.plant.replace(stiffness=ratio * self.stiffness))
 
     def compensators(self) -> dict[str, Compensator]:

@@ -57,7 +57,7 @@ class Facts:
         inertia_interval: of it [kg.m^2 or kg].
         motor_share: of the inertia, on the motor's side [-].
         damping: interval of the damping ratios: D/(2 sqrt(K_c M)) of the transmission, the same of the contact and the load [-].
-        contact: interval of the contact's stiffness by the transmission's [-].
+        contact: interval of the contact's stiffness divided by the transmission's [-].
         count: step of the encoder [rad or m].
         noise: standard deviation of a reading, in counts [1].
         delay: longest time from the command to the torque, beyond the hold [s].

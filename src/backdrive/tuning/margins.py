@@ -23,10 +23,13 @@ SHARES = (0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05)
 SPRINGS = (0.1, 0.25, 0.4, 0.55, 0.7, 0.85, 1.0, 1.2, 1.4)
 DECAYS = (2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 DELAYS = (0.0, 0.125, 0.25, 0.375, 0.5, 0.75, 1.0)  # of the longest shown
-SHOWN = (4.0, 1.6)  # longest delay shown, in ticks and by the longest that there may be
+SHOWN = (
+    4.0,
+    1.6,
+)  # longest delay shown: this many ticks, or this many times the joint's longest delay, whichever is longer
 LARGEST = 1.3  # largest R in the search for instability [-]
 FEW = 64  # number of joints for the break-away
-MOST = 1e6  # number of joints for the picture
+MOST = 1e6  # largest value in the picture
 
 
 def least_breaking(

@@ -57,10 +57,10 @@ class Part:
 
 
 def check_wish(wish: str) -> None:
-    """Refuse a wish that there is not.
+    """Refuse an unknown wish.
 
     Raises:
-        InvalidInput: with those that there are.
+        InvalidInput: the message lists the known wishes.
     """
     if wish not in WISHES:
         raise InvalidInput(f"There is no wish '{wish}'.", remedy=f"Wishes are {', '.join(WISHES)}.")

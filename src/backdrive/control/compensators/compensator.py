@@ -44,7 +44,7 @@ def nothing(c, i, share, p, x, s, j, q, dp, dt, error, slope, u, load, temp):  #
 
 
 NAMES = {**vars(extras), **globals()}
-#: Everything extra by number. One is one file and one import above.
+#: Every extra by number. To add one, write its file and import it above.
 EXTRAS: dict[int, type[Extra]] = {
     e.KIND: e for e in NAMES.values() if isinstance(e, type) and issubclass(e, Extra) and e is not Extra
 }
@@ -117,7 +117,7 @@ class Compensator(WithBounds):
         friction: friction estimator.
         share: R, share of the friction that is compensated [-].
         dither: at rest; None for none.
-        extra: beyond a friction model; None for nothing.
+        extra: torque beyond a friction model; None: no such torque.
     """
 
     BOUNDS: ClassVar = {"share": NOT_NEGATIVE}

@@ -146,8 +146,8 @@ class BristleObserver(Extra):
         gain: k, by which the tracking error bends the bristle [-].
         corner: lambda of the error's filter [1/s].
         adaptation: gamma [1/(N.m.rad) or 1/(N.m)].
-        lowest: of theta [-].
-        highest: of theta [-].
+        lowest: smallest theta [-].
+        highest: largest theta [-].
     """
 
     KIND: ClassVar[int] = 2
@@ -190,9 +190,9 @@ class DisturbanceObserver(Extra):
     Attributes:
         inertia: of motor and load together [kg.m^2 or kg].
         bandwidth: of the observer [1/s].
-        limit: of what it adds [N.m or N].
-        gravity_sin: of gravity A sin q + B cos q [N.m or N].
-        gravity_cos: of the same [N.m or N].
+        limit: largest torque that it adds [N.m or N].
+        gravity_sin: A of gravity A sin q + B cos q [N.m or N].
+        gravity_cos: B of the same [N.m or N].
     """
 
     KIND: ClassVar[int] = 3
@@ -209,7 +209,7 @@ class DisturbanceObserver(Extra):
 
     def __post_init__(self):
         super().__post_init__()
-        self.estimator()  # which looks at the rest
+        self.estimator()  # checks the other numbers
 
     def row(self, dt: float, friction: FrictionEstimator) -> np.ndarray:
         """Return the limit and the row of the observer."""

@@ -16,7 +16,7 @@ from backdrive.status import STATUSES, Status
 
 OK, NOT_FINITE, SATURATED = int(Status.OK), int(Status.NOT_FINITE), int(Status.SATURATED)
 BAD_INTERVAL = int(Status.BAD_INTERVAL)
-#: Rows of the table that a tick reads and writes, one number a joint.
+#: Rows of the table that a tick reads and writes, one number per joint.
 TIME, FLOOR, DEAD, LOWER, UPPER, SLOWEST, BEFORE, SINCE, BEGUN, LEVEL, OUT = range(11)
 FAR = 10.0  # accepted range of an interval: from the inverse of this factor to this factor, times the nominal interval [-]
 
@@ -95,7 +95,7 @@ class AdaptiveFriction:
         """Check the settings and compile the kernel, so that the first tick takes no longer than the next.
 
         Args:
-            laws: one a joint, at level 1.
+            laws: one per joint, at level 1.
             interval: nominal time between ticks [s].
             time: T, time constant of the level while |f| is well above the floor [s].
             floor: f_0, smallest friction of the law at which the level is learned [N.m or N], one number or (J,).
@@ -103,7 +103,7 @@ class AdaptiveFriction:
             lower: smallest level [-].
             upper: largest level [-].
             start: level at the start [-].
-            slowest: speed below which nothing is learned, some counts of the encoder a tick [rad/s or m/s].
+            slowest: speed below which nothing is learned, some encoder counts per tick [rad/s or m/s].
 
         Raises:
             InvalidInput: a setting is out of range.
@@ -111,7 +111,7 @@ class AdaptiveFriction:
         laws = [laws] if isinstance(laws, Law) else list(laws)
         J = len(laws)
         if not J:
-            raise InvalidInput("There is no law.", remedy="Give one a joint.")
+            raise InvalidInput("There is no law.", remedy="Give one law per joint.")
         floors = array("'floor'", floor, (), (J,), bound=POSITIVE)
         dead = array("'dead_zone'", dead_zone, (), (J,), bound=NOT_NEGATIVE)
         numbers = {
@@ -166,5 +166,5 @@ class AdaptiveFriction:
         Returns:
             The worst status of the joints; those of each are in `codes`.
         """
-        dt = self._interval if interval is None else 1.0 * interval  # an integer would be another kernel
+        dt = self._interval if interval is None else 1.0 * interval  # an integer would compile another kernel
         return STATUSES[tick(*self._arrays, position, torque, dt, self._interval)]

@@ -29,7 +29,7 @@ from backdrive.robot import Robot, load_robot
 
 POSTURES = 200  # number of random reference postures
 FAR = 10.0  # standard deviation of a direction relative to the median posture, above which it is damped [-]
-SLOW = 5.0  # speed of rest relative to the speed within which friction changes sign [-]
+SLOW = 5.0  # speed below which a joint counts as resting, relative to that within which friction changes sign [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,7 +78,7 @@ class ArmForce(WithBounds):
             if len(getattr(self, name)) != J:
                 raise InvalidInput(
                     f"{len(getattr(self, name))} of {name} for {J} joints ({', '.join(self.joints)}).",
-                    remedy="Give one a joint.",
+                    remedy="Give one per joint.",
                 )
         if self.frame is not None:
             robot.frame(self.frame)

@@ -23,7 +23,7 @@ class ArmBodies:
 
     Attributes:
         robot: the description, its model with those inertias.
-        data: pinocchio's room for results.
+        data: pinocchio's object that holds the results.
     """
 
     robot: Robot
@@ -99,7 +99,7 @@ class ArmBodies:
         Args:
             method: of the estimator.
             rows: positions, velocities, accelerations of the motors, read at each call, (3, J).
-            joints: room for those of the joints, (3, J).
+            joints: work array for those of the joints, (3, J).
             coupling: C of q_joint = C q_motor, (J, J).
         """
         J = len(coupling)

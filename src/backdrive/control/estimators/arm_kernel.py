@@ -30,7 +30,7 @@ from backdrive.status import Status
 
 METHODS = ("direct", "momentum", "disturbance", "extended", "kalman")
 DIRECT, MOMENTUM, DISTURBANCE = 0.0, 1.0, 2.0
-# the row: numbers of the whole arm, the information P of the damping (6), then ROW numbers a joint
+# the row: numbers of the whole arm, the information P of the damping (6), then ROW numbers per joint
 METHOD, BAND, GAINS, PERIOD, WRENCH, JOINTS, DAMPING, GLOBAL = 0, 1, 2, 5, 6, 7, 8, 14
 FRICTION = sliding_mode.ROW  # the filter stands before it
 INERTIA, OFFSET, SLIDING, RESTING, SLOW = range(FRICTION + friction_.ROW, FRICTION + friction_.ROW + 5)

@@ -28,8 +28,8 @@ class ArmSeries:
 
     Attributes:
         force: external torque [N.m or N], (n, J).
-        friction: that was taken off [N.m or N], (n, J).
-        deviation: standard deviation of the torque, by whether the joint rests [N.m or N], (n, J).
+        friction: torque that was subtracted as friction [N.m or N], (n, J).
+        deviation: standard deviation of the torque, in motion or at rest [N.m or N], (n, J).
         wrench: at the frame, along the axes of the base [N, N.m], (n, 6); (0, 6) without a frame.
         covariance: of the wrench, (n, 6, 6).
         singular: True where damping affects the wrench, (n,).
@@ -48,8 +48,8 @@ class ArmForceTick:
 
     Attributes:
         force: external torque [N.m or N], (J,).
-        friction: that was taken off [N.m or N], (J,).
-        deviation: standard deviation of the torque, by whether the joint rests [N.m or N], (J,).
+        friction: torque that was subtracted as friction [N.m or N], (J,).
+        deviation: standard deviation of the torque, in motion or at rest [N.m or N], (J,).
         wrench: at the frame, along the axes of the base [N, N.m], (6,).
         covariance: of the wrench, (6, 6).
     """

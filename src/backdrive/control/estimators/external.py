@@ -15,9 +15,9 @@ are
 
 L has the same meaning for all methods: the estimate of a force that grows at a constant rate lags by 1/L + T, and a constant
 force is estimated without error. `lag` returns this lag. It determines p, about 3 L, and the default force rate of the Kalman
-filter. For `direct` the filter determines the lag (`MotionFilter.of_bandwidth`). v is differenced. `extended` and `kalman` use
-the measured position and difference nothing. For comparison, one encoder count changes `disturbance` by L M count/T, and a
-raw second difference by M count/T^2.
+filter. For `direct` the filter determines the lag (`MotionFilter.of_bandwidth`). For `momentum` and `disturbance`, v is the
+differenced position. `extended` and `kalman` use the measured position and difference nothing. For comparison, one encoder
+count changes `disturbance` by L M count/T, and a raw second difference by M count/T^2.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ MOMENTUM = Method("momentum", momentum, speed=6, of_mass=True)
 DISTURBANCE = Method("disturbance", disturbance, speed=6)
 EXTENDED = Method("extended", observe, gains=by_poles, places=True, speed=7)
 KALMAN = Method("kalman", observe, gains=stationary, places=True, speed=7)
-#: Every method by name. A method is one file and one import of its `Method` above.
+#: Every method by name. To add one, write its file and import its `Method` above.
 KNOWN: dict[str, Method] = {m.name: m for m in globals().values() if isinstance(m, Method)}
 METHODS = tuple(KNOWN)
 
@@ -112,7 +112,7 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):  # noqa: PLR
     """Return external force and friction of one tick.
 
     `c[i:]`: row. `p`, `x`: friction law and its state. `s[j:]`: state. q: encoder. dp: its increment. u: torque that acted since
-    the last tick. known: torque of gravity and of other joints besides that of the row. level: factor on the friction.
+    the last tick. known: torque of gravity and of other joints that the row does not contain. level: factor on the friction.
     """
     tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
     n = u - known - tau_f - c[i + OFFSET]
@@ -290,7 +290,7 @@ class ExternalForce(WithBounds):
         if warmth.shape not in ((1,), q.shape) or not np.isfinite(warmth).all():
             raise InvalidInput(
                 f"temperature {warmth.shape} for {q.size} samples, {np.count_nonzero(~np.isfinite(warmth))} not finite.",
-                remedy="Give one finite number, or one a sample.",
+                remedy="Give one finite number, or one per sample.",
             )
         out = np.empty((q.size, 2))
         law = self.friction.law

@@ -100,7 +100,7 @@ def between_counts(threshold: float, count: float, dt: float) -> float:
 
     Args:
         threshold: speed [rad/s or m/s].
-        count: of the encoder [rad or m]; 0 leaves the threshold.
+        count: of the encoder [rad or m]; 0 leaves the threshold unchanged.
         dt: sampling time [s].
     """
     return threshold if count == 0.0 else (np.floor(threshold * dt / count + 1e-6) + 0.5) * count / dt

@@ -38,7 +38,7 @@ from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, WithBounds
 
-TIE = 5e-7  # relative difference within which a speed is the slowest one [-]
+TIE = 5e-7  # relative difference from `slowest` within which a speed is taken as equal to it [-]
 
 
 @leaf
@@ -68,7 +68,7 @@ class Adaptation(WithBounds):
     """Settings for learning the level of a joint's friction in the loop, from the external force estimated in free motion.
 
     Attributes:
-        slowest: speed below which the joint does not slide, some counts of the encoder a tick [rad/s or m/s].
+        slowest: speed below which the joint does not slide, some encoder counts per tick [rad/s or m/s].
         settle: time for which it has to slide before the level is learned, some lags of the force estimate [s].
         time: T, time constant [s].
         floor: f_0, smallest friction at which the level is learned [N.m or N]; None: half the law's Coulomb torque.

@@ -18,8 +18,11 @@ COUNTS = 8.0  # encoder steps that a contact of unknown stiffness deflects befor
 ABRUPT = 10.0  # force, relative to friction, that the filter of `direct` follows if the accelerations are unknown [-]
 CREEP = 0.05  # share of the top speed: sliding up to twice this speed determines friction at rest [-]
 STEEPER = 2.0  # largest slope of a curve below a low speed, relative to that above it [-]
-WIDTH = 1.96  # half a 95 % band, by its standard deviation
-BEND = {"rad": 1e-3, "m": 1e-4}  # the deflection, if the encoder count is unknown too [rad or m]
+WIDTH = 1.96  # half-width of a 95 % band, in standard deviations
+BEND = {
+    "rad": 1e-3,
+    "m": 1e-4,
+}  # deflection before sliding, if neither stiffness nor encoder count is known [rad or m]
 
 
 def fields(
@@ -34,7 +37,7 @@ def fields(
         friction: of a model.
         method: of the estimator.
         bandwidth: L [1/s].
-        acceleration: largest that the filter of `direct` is to follow [rad/s^2 or m/s^2]; None: that by ten times the friction.
+        acceleration: largest that the filter of `direct` is to follow [rad/s^2 or m/s^2]; None: that of ten times friction.
 
     Raises:
         NotIdentifiable: the model holds no inertia, or none that is positive.
@@ -149,7 +152,7 @@ def break_away(
 
 
 def bounds_at_rest(law: Law) -> tuple[float, float]:
-    """Return the friction's bounds at rest along +q and along -q [N.m or N]; of a smooth law its largest, twice."""
+    """Return the friction's bounds at rest along +q and along -q [N.m or N]; of a smooth law its largest friction for both."""
     if law.rate.SMOOTH:
         largest = float(np.max(np.abs(law.torque(np.array([-1.0, 1.0])))))
         return largest, largest

@@ -29,7 +29,7 @@ from backdrive.parameters import BIG, POSITIVE, Bound, WithBounds
 
 WAYS = ("position", "velocity", "cascade")
 ROW = 5  # way, G_1, H_1, G_2, H_2
-STATES = 5  # u1, u2 of the first filter, of the second, and one of room
+STATES = 5  # u1, u2 of the first filter, of the second, and one unused
 
 
 @leaf

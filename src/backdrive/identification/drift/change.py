@@ -50,7 +50,7 @@ class Change:
         distance: E of Iwatani 2017, (2.16), along +q and -q [N.m or N].
         relative: E_p of (2.17), of the second to the first, along +q and -q [-].
         shape: size of the change of shape in the verdict: the larger of `relative`, or E_p of the mean of both directions [-].
-        mean: mean of the second curve less the first, by the mean of the first [-].
+        mean: mean of the second curve minus the first, divided by the mean of the first [-].
         mean_error: its standard error, `REPEAT` included [-]; NaN where a model has none.
         chi_square: of the test; NaN where a model has no standard errors.
         degrees: of freedom.

@@ -109,7 +109,7 @@ class Search:
         return np.ascontiguousarray(((self.evaluate(point + np.diag(steps)) - residual) / steps[:, None]).T)
 
     def at(self, point: np.ndarray, residual: np.ndarray) -> SearchResult:
-        """Return what a search would that came to rest at a point, (P,), with this residual, (m,)."""
+        """Return the result of a search that converges at a point, (P,), with this residual, (m,)."""
         sigma = self.scale(residual)
         return SearchResult(
             point=point,

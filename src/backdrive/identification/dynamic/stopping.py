@@ -36,17 +36,17 @@ _state = _State()
 
 
 def keep() -> None:
-    """Say that something has been found which an interruption is to keep."""
+    """Note that there is a result now, which an interruption has to keep."""
     _state.keeps = True
 
 
 def keeping() -> bool:
-    """Return whether a fit is under way that a first interruption ends with what was found."""
+    """Return whether a fit is running that ends with its present result at a first interruption."""
     return _state.depth > 0 and _state.keeps
 
 
 def is_interrupt_pending() -> bool:
-    """Return whether an interruption waits that came too late to cut anything short."""
+    """Return whether an interruption is still pending that came too late to end a search."""
     return _state.noted
 
 

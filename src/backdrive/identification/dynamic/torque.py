@@ -115,7 +115,7 @@ class TorqueProblem(Problem):
         delay: seek how much later the torque was recorded than the motion.
         bounds: of the law's parameters, beyond their own, and of terms and delay.
         known: terms that are not sought, by name [SI].
-        about: delay near which the torque is expected: where a reversal may be does not count where friction jumps there [s].
+        about: expected delay of the torque, which shifts its reversals [s]. Samples near them do not count if friction jumps.
     """
 
     def __init__(

@@ -37,8 +37,10 @@ from backdrive.logs.log import Log
 from backdrive.model import JointFriction
 
 VARIES = 0.1  # a load or temperature counts as varying if its span exceeds this share of its size [-]
-WORSE = 1.1  # mean square of a fit to everything by that of the one that was judged, beyond which it is not taken [-]
-BETTER = 0.9  # mean square of a fit to sliding alone by that of one to everything, there, below which it is taken [-]
+WORSE = (
+    1.1  # a fit to everything is rejected above this ratio of its mean square to that of the judged fit [-]
+)
+BETTER = 0.9  # a fit to sliding alone is used below this ratio of its mean square in sliding to that of a fit to everything [-]
 MOST_PULL = 100.0  # ratio of gravity to friction above which two terms cancel each other [-]
 TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
 

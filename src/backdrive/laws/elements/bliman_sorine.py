@@ -24,7 +24,7 @@ from backdrive.laws.base import Element, Parameter, Rate
 
 @leaf
 def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, dt: float):
-    """Torque of one tick from the states x to y: the two bristles, in torques of the rate law."""
+    """Torque of one tick from the states x to y: the two bristles as torques, which approach the rate law's bound."""
     distance, ratio, overshoot = p[e], p[e + 1], p[e + 2]
     fast, slow = x[0], x[1]
     if dp != 0.0:

@@ -4,8 +4,8 @@
 
 V: half width of the zone [rad/s or m/s]. For a given motion the law is (4.17): without friction inside the zone, a noisy
 velocity does not switch the torque between the two directions. Karnopp used the zone to hold a mass at rest. `solve` needs no
-zone for this, since its implicit step holds a mass exactly; at any other velocity the rate law acts. A velocity in whole
-encoder steps can equal the threshold exactly, so choose V half a step away (`threshold + 0.5 count / dt`).
+zone for this, since its implicit step holds a mass exactly. At every other velocity, `solve` uses the rate law. A velocity in
+whole encoder steps can equal the threshold exactly, so choose V half a step away (`threshold + 0.5 count / dt`).
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ from backdrive.laws.elements.dahl import STIFFNESS
 from backdrive.laws.elements.hayward_armstrong import clip_torque
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
 
-ROBOT = "a 7-joint robot simulated with one such element a joint: K = 5000 N.m/rad, B/K = 10 ms"
+ROBOT = "a 7-joint robot simulated with one such element per joint: K = 5000 N.m/rad, B/K = 10 ms"
 
 
 @leaf

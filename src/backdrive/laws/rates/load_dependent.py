@@ -193,7 +193,7 @@ class M3(LoadDependent):
 
 @dataclass(frozen=True, kw_only=True)
 class M4(M2):
-    """Stribeck friction that grows with the load, sliding and at break-away.
+    """Stribeck friction that grows with the load, both in sliding and at break-away.
 
     Attributes:
         load: K, growth with |tau_m - tau_e| [-].

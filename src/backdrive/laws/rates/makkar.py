@@ -2,9 +2,10 @@
 
     tau_f(v) = g_1 (tanh(g_2 v) - tanh(g_3 v)) + g_4 tanh(g_5 v) + g_6 v
 
-g_1: height of the Stribeck peak before its fall reduces it, g_4: Coulomb torque [N.m or N]. g_2 > g_3: steepness of the rise and of
-the fall, g_5: steepness of the Coulomb part [s/rad or s/m]. g_6: viscous coefficient [N.m.s/rad or N.s/m]. Friction is 0
-at rest and rises steeply: nothing holds a joint for good, and there is no Coulomb torque for a presliding element to carry.
+g_1: height that the Stribeck peak would have without its fall, g_4: Coulomb torque [N.m or N]. g_2 > g_3: steepness of the
+rise and of the fall, g_5: steepness of the Coulomb part [s/rad or s/m]. g_6: viscous coefficient [N.m.s/rad or N.s/m].
+Friction is 0 at rest and rises steeply. Nothing holds a joint for good, and a presliding element finds no Coulomb torque to
+carry.
 """
 
 from __future__ import annotations

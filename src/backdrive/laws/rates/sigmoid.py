@@ -68,6 +68,6 @@ class Sigmoid(Rate):
     }
     EXAMPLE: ClassVar[dict[str, Any]] = dict(span=9.0, steepness=30.0, shift=0.005)
 
-    span: float  # pyright: ignore[reportIncompatibleMethodOverride]  (its name in files; no element asks a law without Coulomb)
+    span: float  # pyright: ignore[reportIncompatibleMethodOverride]  (its name in files; no element calls a smooth law's span)
     steepness: float
     shift: float = 0.0

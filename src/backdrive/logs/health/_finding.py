@@ -97,13 +97,13 @@ class Check:
         return [replace(finding, name=self.name) for finding in self.search(exam)]
 
     def mend_with(self, repair: Mend) -> Mend:
-        """Have a function mend the check's findings."""
+        """Register a function that repairs the check's findings."""
         self.repair = repair
         return repair
 
 
 def check(name: str, about: str) -> Callable[[Callable[[Exam], Iterable[Finding]]], Check]:
-    """Make a check of a function that yields findings."""
+    """Turn a function that yields findings into a check."""
     return lambda search: Check(name, about, search)
 
 

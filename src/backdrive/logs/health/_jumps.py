@@ -19,7 +19,7 @@ class Jumps:
     Attributes:
         rows: first row after each jump, (m,).
         sizes: signed jump without the motion expected in that step [rad or m], (m,).
-        slack: how far a size may be off, as the steps around it differ, (m,) [rad or m].
+        slack: uncertainty of each size, from the scatter of the steps around it, (m,) [rad or m].
         resolution: smallest step of the channel, 0 if unknown [rad or m].
         glitch: the jump is one side of a single wrong value, (m,).
     """

@@ -28,7 +28,7 @@ class Motion:
         terms: acceleration, sign of velocity, velocity, one, and position (as sine and cosine where it is wide);
             then what only some questions need: velocity times its magnitude, the sign at low speed, and the other
             joints' accelerations, (m, p).
-        plain: how many of the columns are of the first kind.
+        plain: number of columns up to and including position.
         velocity: filtered velocity [rad/s or m/s], (m,).
         torque: filtered torque, column by column `shifts` samples later [N.m or N], (m, k).
         shifts: in samples, (k,).

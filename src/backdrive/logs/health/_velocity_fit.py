@@ -50,7 +50,7 @@ def velocity_fit(exam: Exam, j: int) -> VelocityFit | None:
     if not (exam.usable("position", j) and exam.usable("velocity", j)) or not exam.period > 0:
         return None
     if exam.survey("velocity").low[j] == exam.survey("velocity").high[j]:
-        return None  # `stuck` speaks of that
+        return None  # the check `stuck` reports that
     q, v, t = exam.log.channels["position"], exam.log.channels["velocity"], exam.log.time
     pieces = [(q[b, j], v[b, j], t[b] - t[b.start]) for b in exam.blocks if b.stop - b.start > 2 * _WINDOW]
     if not pieces:

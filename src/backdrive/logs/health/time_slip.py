@@ -133,7 +133,7 @@ def _by_distance(exam: Exam, j: int, slip: Slip) -> bool:
 def _by_low_pass(exam: Exam, j: int, slip: Slip) -> float:
     """Return the time constant of a low pass that explains late torque better than any shift [s]; 0 where none does.
 
-    Both are compared where the low pass has forgotten the last reversal: how friction passes zero is no matter of timing.
+    Both are compared where the low pass has forgotten the last reversal: how friction passes zero does not show the timing.
     """
     m = motion(exam, j, REACH)
     late = slip.samples * exam.period

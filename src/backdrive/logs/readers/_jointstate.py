@@ -27,7 +27,7 @@ _LARGEST = 1 << 20
 
 @dataclass(frozen=True)
 class _Layout:
-    """Where one message keeps what."""
+    """The places of the parts of one message."""
 
     order: str
     ros1: bool

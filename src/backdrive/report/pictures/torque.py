@@ -27,7 +27,7 @@ def has_course(samples: Samples) -> bool:
 
 
 def stretch_of(time: np.ndarray, residual: np.ndarray, fitted: np.ndarray) -> tuple[float, float]:
-    """Return begin and end of the part to enlarge: the part with the median residual, among held-out parts if there are any.
+    """Return start and end of the part to enlarge: the part with the median residual, among held-out parts if there are any.
 
     Args:
         time: from `clock` [s], (n,).
