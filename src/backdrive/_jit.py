@@ -13,6 +13,7 @@ import os
 import re
 import struct
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -239,6 +240,10 @@ def _compile(function: F, **wanted: Any) -> F:
     options: Any = {"_nrt": False} | wanted
     options = {name: value for name, value in options.items() if hasattr(DefaultOptions, name)}
     compiled: Any = nb.njit(error_model="numpy", nogil=True, **options)(function)
+    with suppress(ImportError, AttributeError, TypeError):  # slower to compile, no less right
+        from backdrive._jit_inner import without_wrappers
+
+        without_wrappers(compiled)
     stamped = _stamp_cache(function)
     if stamped is not None:
         compiled._cache = stamped

@@ -20,6 +20,8 @@ from typing import Any
 
 from numba.core import caching
 
+from backdrive._jit_inner import is_inner
+
 SEAL = hashlib.sha256().digest_size  # bytes at the end of a file
 
 _said: list[str] = []
@@ -174,7 +176,7 @@ def _classes(stamp: str) -> type:
             self, sig, codegen
         ):  # numba's own differs from process to process where a cell holds a kernel
             code, cells = self._py_func.__code__, self._py_func.__closure__ or ()  # type: ignore[attr-defined]
-            closed = "\n".join(_label(cell.cell_contents) for cell in cells)
+            closed = "\n".join([f"inner: {is_inner()}", *(_label(cell.cell_contents) for cell in cells)])
             marks = hashlib.sha256(code.co_code).hexdigest(), hashlib.sha256(closed.encode()).hexdigest()
             return sig, codegen.magic_tuple(), marks
 

@@ -1,0 +1,71 @@
+"""What a kernel is compiled to where other kernels call it: the code alone, without what Python needs to call it.
+
+Numba makes two wrappers for every function, one for calls from Python and one with a plain C signature. They take a quarter of
+the compiler's time, and a function that only kernels call needs neither. The C wrapper is never made, since no kernel is passed
+to another as an argument. The Python wrapper is made when Python first calls the function, which is compiled again for that.
+"""
+
+from __future__ import annotations
+
+from threading import local
+from typing import Any
+
+from numba.core import sigutils
+from numba.core.registry import CPUDispatcher
+
+_state = local()
+
+
+def is_inner() -> bool:
+    """Return whether this thread compiles for a kernel, not for Python."""
+    return getattr(_state, "depth", 0) > 0
+
+
+class Inner(CPUDispatcher):
+    """A compiled function that gets a wrapper for Python only once Python calls it."""
+
+    inner: set[tuple]  # signatures that only kernels can call
+
+    def get_call_template(self, args, kws):
+        """Compile for a kernel that calls this one."""
+        _state.depth = getattr(_state, "depth", 0) + 1
+        try:
+            return super().get_call_template(args, kws)
+        finally:
+            _state.depth -= 1
+
+    def compile(self, sig):
+        """Compile for a signature, anew where only kernels could call what there is."""
+        args = tuple(sigutils.normalize_signature(sig)[0])
+        if not is_inner() and args in self.inner:
+            self.inner.discard(args)
+            self.overloads.pop(args, None)
+        return super().compile(sig)
+
+    def add_overload(self, cres):
+        """Add what was compiled; Python finds it only if it has a wrapper."""
+        if not is_inner():
+            super().add_overload(cres)
+            return
+        args = tuple(cres.signature.args)
+        self.inner.add(args)
+        self.overloads[args] = cres
+
+
+def without_wrappers(compiled: Any) -> None:
+    """Have a compiled function made without wrappers that nobody calls.
+
+    Raises:
+        AttributeError, TypeError: numba's internals have moved.
+    """
+    compiler, usual = compiled._compiler, compiled._compiler._customize_flags
+
+    def thin(flags):
+        flags = usual(flags)
+        flags.no_cfunc_wrapper = True
+        flags.no_cpython_wrapper = is_inner()
+        return flags
+
+    compiled.inner = set()
+    compiled.__class__ = Inner
+    compiler._customize_flags = thin
