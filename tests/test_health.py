@@ -246,6 +246,17 @@ def test_frozen_samples_are_dropped_and_nothing_else():
     assert not np.any(np.isin(mended.time, spoiled.time[2001:2600]))
 
 
+def test_a_small_stroke_in_degrees_is_told_by_its_speed():
+    t = np.arange(5000) * 1e-3
+    q = np.deg2rad(10.0) * np.sin(2.0 * np.pi * 1.6 * t)
+    tau = np.sign(np.gradient(q)) + 0.1 * np.sin(7.0 * t)
+    right, wrong = (Log.from_arrays(time=t, position=x, torque=tau) for x in (q, np.rad2deg(q)))
+    assert "degrees" not in {one.name for one in check(right)}
+    (found,) = [one for one in check(wrong) if one.name == "degrees"]
+    assert found.severity == "warn"
+    assert "moves at 100" in found.sentence
+
+
 def test_degrees_become_radians_again():
     truth = clean()
     mended = gate(PLANTED["degrees"](), repair=True)

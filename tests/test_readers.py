@@ -43,6 +43,13 @@ def written(folder: Path, name: str, variant: int = 0, log=None) -> Path:
     return path
 
 
+def test_a_model_file_is_not_taken_for_a_log(tmp_path):
+    path = tmp_path / "model.json"
+    path.write_text('{"format": "backdrive-friction-model", "schema": 2, "joints": []}')
+    with pytest.raises(ReadError, match="friction model.*backdrive show.*not a log"):
+        read_log(path)
+
+
 def test_every_format_has_a_writer_here():
     assert {form.name for form in READERS} == set(WRITERS)
 

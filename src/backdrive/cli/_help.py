@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from typer.core import TyperCommand
+
+LIST = re.compile(r"<list\[(\w+)\]>")
 
 #: Command -> what it does, in a line of the list of commands.
 LINES = {
@@ -33,6 +36,10 @@ LINES = {
 }
 
 
+def _single(found: re.Match[str]) -> str:
+    return f"<{found[1].lower()}>"
+
+
 class PlainCommand(TyperCommand):
     """A command whose help lists its options by `rich_help_panel`, in the order of first use."""
 
@@ -44,7 +51,9 @@ class PlainCommand(TyperCommand):
             if record is None:
                 continue
             usual = "Arguments" if parameter.param_type_name == "argument" else "Options"
-            panels.setdefault(getattr(parameter, "rich_help_panel", None) or usual, []).append(record)
+            names, text = record  # an option that may be repeated takes one value each time
+            panel = getattr(parameter, "rich_help_panel", None) or usual
+            panels.setdefault(panel, []).append((LIST.sub(_single, names), text))
         for name in sorted(panels, key=lambda name: name != "Arguments"):
             with formatter.section(name):
                 formatter.write_dl(panels[name])

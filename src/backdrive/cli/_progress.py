@@ -35,6 +35,8 @@ class Share:
                 self.value = min(k / n, 1.0)
             elif n:
                 held = NESTED.index(what)
+                if what == "part" and self._begun.get(what, (0, 0))[1] == n:
+                    k = max(k, self._begun[what][0])  # a second fit of the same law begins again
                 self._begun = {w: c for w, c in self._begun.items() if NESTED.index(w) < held} | {
                     what: (k, n)
                 }

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 RESTS = (("NOT all rest", "all rest"), ("NOT all fade", "all fade"))  # of the joints tried: no, yes
 
+NO_ENERGY = 1e-9  # less is rounding [J]
+
 
 def show_tuning(tuning: Tuning) -> None:
     """Print the tuning of one joint for a person."""
@@ -71,7 +73,9 @@ def _margins(tuning: Tuning) -> Sequence[str]:
         )
     force = "N.m" if unit == "rad" else "N"
     share = (
-        f"R = {m['share_breaks']:.2f}" if m["share_breaks"] < 1e3 else f"no R up to {m['share_searched']:g}"
+        f"a share of friction R = {m['share_breaks']:.2f}"
+        if m["share_breaks"] < 1e3
+        else f"no share up to {m['share_searched']:g}"
     )
     delay = (
         f"a delay of {1e3 * m['delay_breaks']:.1f} ms"
@@ -91,7 +95,12 @@ def _margins(tuning: Tuning) -> Sequence[str]:
     return (
         f"Of {m['joints']} joints drawn from the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest. "
         f"The largest amplitude at rest is {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, "
-        f"{100 * m['cycle_by_bound']:.2g} % of the bound). The compensator puts in {m['energy']:.2g} J.",
+        f"{100 * m['cycle_by_bound']:.2g} % of the bound). "
+        + (
+            f"The compensator puts in {m['energy']:.2g} J."
+            if m["energy"] > NO_ENERGY
+            else "The compensator puts in no energy."
+        ),
         *(dither if "dither_motor" in m else ()),
         f"Without dither the joint first fails to come to rest at: {share}; {delay}. Remaining break-away torque"
         f"{', with the dither' if 'dither_motor' in m else ''}: {m['breakaway']:.3g} {force} "

@@ -99,7 +99,7 @@ def command(
         )
         return
     _print(rows, friction.joint, report, wall, sweep.duration, hand)
-    _print_next(path, plan_path, 100.0 * (1.0 - hand.force[1] / hand.force[0]))
+    _print_next(path, plan_path, model, hand)
 
 
 def _csv(log) -> str:
@@ -108,12 +108,18 @@ def _csv(log) -> str:
     return "t,q,tau\n" + "".join(f"{t:.9g},{q:.12g},{tau:.9g}\n" for t, q, tau in rows)
 
 
-def _print_next(log: Path, plan: Path, saved: float) -> None:
+def _print_next(log: Path, plan: Path, model: Path, hand) -> None:
+    saved = 100.0 * (1.0 - hand.force[1] / hand.force[0])
+    softest, stiffest = (f"{share * hand.stiffness:g}" for share in (0.8, 1.2))
     echo("The same from the log alone, as with your own robot:")
     echo(f"  backdrive identify {shlex.quote(str(log))} --plan {shlex.quote(str(plan))} \\")
     echo("    -o model.json --report report.html")
-    echo(f"Next: `backdrive tune` finds the compensator that saves the hand {saved:.0f} % of its")
-    echo("force here, and `backdrive export` writes it as C for your controller.")
+    echo(f"Compensation took {saved:.0f} % of the force off the hand. Find your compensator:")
+    echo(f"  backdrive tune {shlex.quote(str(model))} \\")
+    echo(f"    --stiffness {softest}:{stiffest} --top-speed {hand.top_speed:g} -o tuning.json")
+    echo("and write it as C for your controller:")
+    echo(f"  backdrive export {shlex.quote(str(model))} \\")
+    echo("    --tuning tuning.json --to c -o firmware/")
 
 
 def _curve(law, top: float):
@@ -140,6 +146,6 @@ def _print(rows: list[dict], joint, report: Path, wall: float, duration: float, 
     bare, compensated = hand.force
     console.print(
         f"A hand needs {bare:.2f} {hand.unit} (RMS) to move the bare joint, and {compensated:.2f} {hand.unit} with its "
-        f"friction compensated. The estimate of its force without a sensor is wrong by {100 * hand.error:.0f} %."
+        f"friction compensated. The estimate of its force without a sensor is wrong by {100 * hand.error:.0f}%."
     )
     console.print(f"Open {report}")

@@ -33,6 +33,7 @@ from backdrive.model import FrictionModel
 from backdrive.plans import plan_to_dict
 
 SLOW = 50.0  # a sampling rate below this makes a result suspect [Hz]
+PARTS = 10  # in which the progress of a fit is reported
 Interval = Literal["covariance", "profile", "bootstrap"]
 
 #: Option -> the methods that it is for; what is not here is for all.
@@ -105,9 +106,20 @@ class Options:
         if self.progress is not None:
             self.progress(sentence)
 
-    def ticker(self, joint: str) -> Callable[[str, int, float], None]:
-        """Return what a search calls: a sentence every fifth step."""
-        return lambda stage, i, cost: self.say(f"{joint}: fitting {stage}, step {i}") if i % 5 == 0 else None
+    def ticker(self, joint: str, steps: int = 0) -> Callable[[str, int, float], None]:
+        """Return the function that a search calls at every step; it passes on every fifth as a sentence.
+
+        Args:
+            joint: name.
+            steps: maximum number of steps; 0: unknown.
+        """
+
+        def tick(stage: str, i: int, cost: float) -> None:
+            if i % 5 == 0:
+                part = f", part {min(1 + PARTS * i // steps, PARTS)} of {PARTS}" if steps else ""
+                self.say(f"{joint}: fitting {stage}, step {i}{part}")
+
+        return tick
 
     def overrides(self) -> dict[str, Any]:
         """Return what differs from the default, by name."""

@@ -37,6 +37,8 @@ class HandDemo:
         compensated: with the thesis' compensator and the identified friction.
         unit: of force, `N.m` or `N`.
         motion_unit: `rad` or `m`.
+        stiffness: of the transmission [N.m/rad or N/m].
+        top_speed: above which the loop switches off [rad/s or m/s].
         force: root mean square of the hand's force, without and with compensation [N.m or N].
         error: root mean square of estimate minus sensor, divided by that of the sensor, without compensation [-].
     """
@@ -45,6 +47,8 @@ class HandDemo:
     compensated: Record = field(repr=False)
     unit: str
     motion_unit: str
+    stiffness: float
+    top_speed: float
     force: tuple[float, float]
     error: float
 
@@ -95,6 +99,8 @@ def simulate_hand(name: str, law: Law, inertia: float, seed: int = 0) -> HandDem
         compensated=compensated,
         unit="N" if linear else "N.m",
         motion_unit=plant.unit,
+        stiffness=plant.stiffness,
+        top_speed=top,
         force=(rms[0], rms[1]),
         error=wrong / rms[0],
     )

@@ -92,14 +92,15 @@ def origin(z: Numbers, searched: Numbers | None, name: str, aim: str) -> str:
     return f"{found[:-1]}, then moved {kind} until every drawn joint and the ends of all intervals pass it."
 
 
-SYMBOLS = {
-    "share": "R",
-    "stiffness": "K/K_c",
-    "decay": "alpha_N [1/s]",
-    "gain": "G",
-    "second_gain": "G of the velocity",
-    "mass": "m by the joint's inertia",
-    "viscosity": "b/m [1/s]",
+#: The numbers of a search in words.
+IN_WORDS = {
+    "share": "The share of friction R",
+    "stiffness": "The compensator's stiffness K relative to the joint's, K/K_c,",
+    "decay": "The decay alpha_N [1/s]",
+    "gain": "The filter gain G",
+    "second_gain": "The second filter gain G",
+    "mass": "The virtual inertia m relative to the joint's",
+    "viscosity": "The virtual viscosity b relative to m [1/s]",
 }
 AT_EDGE = 0.01  # share of a range within which a number counts as lying at its end [-]
 
@@ -118,8 +119,8 @@ def edges(goal: Goal, z: Numbers) -> list[str]:
             continue
         end = "lower" if x <= AT_EDGE else "upper"
         sentences.append(
-            f"{SYMBOLS[name]} = {z[name]:.3g} lies at the {end} end of its range, {low:.3g} to {high:.3g}. Values beyond were "
-            f"not tried: the range and not the score determines this number."
+            f"{IN_WORDS[name]} lies at the {end} end of its range, {low:.3g} to {high:.3g}, with {z[name]:.3g}. Values beyond "
+            f"were not tried: the range and not the score determines this number."
         )
     return sentences
 
@@ -289,7 +290,7 @@ def numbers_of(
             reason=why("mass")
             if "mass" in z
             else "Half the joint's own inertia, or the bound if that is larger.",
-            bound=f"m >= T K_d = {least:.3g} {mass}, the deadbeat limit of the loop with the torque of the previous tick.",
+            bound=f"m >= T K_d = {least:.3g} {mass}, below which the loop, which uses the torque of the previous tick, would ring.",
             limit=least,
         ),
         "admittance_viscosity": Number(

@@ -17,6 +17,12 @@ from backdrive.identification.dynamic.unknowns import LawShape, Scales
 
 FAR = 3.0  # samples from which on a delay is looked for before the search
 TRIES = 3  # of reversals left out where the delay puts them
+DESCENTS, SHORT, LONGEST_DESCENT = (
+    3,
+    8,
+    40,
+)  # starts that descend, the iterations of each, and those of the best
+STEPS = (1 + DESCENTS) * SHORT + LONGEST_DESCENT
 
 
 def fit_law(  # noqa: PLR0913  (its options are given by keyword)
@@ -32,8 +38,8 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
     scales: Scales | None = None,
     loss: str = "huber",
     begin: int = 48,
-    descend: int = 3,
-    iterations: int = 40,
+    descend: int = DESCENTS,
+    iterations: int = LONGEST_DESCENT,
     seed: int = 0,
     begin_at: Mapping[str, float] | None = None,
     tick: Callable[[str, int, float], None] | None = None,
@@ -56,7 +62,7 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
         iterations: of a descent at most.
         seed: of the starts.
         begin_at: values to begin at besides the guess, by name [SI].
-        tick: called with the law's name, the iteration and the cost.
+        tick: called with the law's name, the iteration counted over all descents (up to `STEPS` by default), and the cost.
 
     Raises:
         NotIdentifiable: no motion, constant torque, or too few samples.
@@ -75,7 +81,10 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
         plain = starts_.subtract_terms(stretches, known or {})
         about = begin_at["delay"] if begin_at else starts_.delay_of(plain, terms, LONGEST_DELAY)
         about = about if abs(about) > FAR * dt else 0.0
-    inform = None if tick is None else lambda i, c: tick(shape.name, i, c)
+
+    def inform(before: int) -> Callable[[int, float], None]:
+        return lambda i, c: tick(shape.name, before + i, c) if tick is not None else None
+
     for _ in range(TRIES):
         problem = TorqueProblem(
             shape, stretches, scales, terms=terms, delay=delay, bounds=bounds, known=known, about=about
@@ -87,12 +96,14 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
         with warnings_.catch_warnings():
             warnings_.simplefilter("ignore", RuntimeWarning)
             chosen = np.vstack([points[:1], screen(search, points, descend)])
-            short = [search.run(start, iterations=8) for start in chosen]
+            short = [
+                search.run(start, iterations=SHORT, tick=inform(k * SHORT)) for k, start in enumerate(chosen)
+            ]
             best = min(short, key=lambda f: float(f.residual @ f.residual))
             found = (
                 replace(best, interrupted=True)
                 if any(f.interrupted for f in short)
-                else search.run(best.point, iterations=iterations, tick=inform)
+                else search.run(best.point, iterations=iterations, tick=inform(len(chosen) * SHORT))
             )
         values = problem.values(found.point)
         late = values.get("delay", 0.0)

@@ -14,7 +14,10 @@ from backdrive.logs.health._velocity_fit import velocity_fit
 TOLERANCE = 0.12
 #: A stroke above this suggests another unit [rad or m].
 SPAN = 25.0
+#: A top speed above this, of a joint that turns back, suggests it too, by unit [rad/s, m/s].
+SPEED = {"rad": 50.0, "m": 20.0}
 _DEGREE = 180 / np.pi
+_TEN = 10  # samples over which a speed is taken
 
 
 @check("degrees", "degrees where radians are claimed")
@@ -51,6 +54,16 @@ def find(exam: Exam) -> Iterator[Finding]:
                 f"is needed.",
                 value=wide,
             )
+        elif (fast := _fast(exam, j)) > SPEED[unit]:
+            yield Finding(
+                joint=joint,
+                channel="position",
+                severity="warn",
+                sentence=f"{joint} moves at {fast:.4g} {unit}/s and turns back: that looks like {large}.",
+                remedy=f"If it is in {large}, state that with --unit or --map. If the joint really moves that fast, no action "
+                f"is needed.",
+                value=fast,
+            )
 
 
 def unlike(exam: Exam, j: int) -> str | None:
@@ -67,14 +80,32 @@ def unlike(exam: Exam, j: int) -> str | None:
 
 def _wide(exam: Exam, j: int) -> float:
     """Return the stroke of a joint that turns back, in the unit of its position; 0 if it does not."""
-    if exam.usable("position", j):
-        q = exam.sample("position", j)
-        forth, back = float(np.maximum(np.diff(q), 0).sum()), float(np.maximum(-np.diff(q), 0).sum())
-        survey = exam.survey("position")
-        span = float(survey.high[j] - survey.low[j])
-        # a spindle that turns on and on may count as many turns as it likes
-        return span if min(forth, back) > 0.2 * max(forth, back) else 0.0
-    return 0.0
+    if not exam.usable("position", j) or not _turns_back(exam, j):
+        return 0.0
+    survey = exam.survey("position")
+    return float(survey.high[j] - survey.low[j])
+
+
+def _fast(exam: Exam, j: int) -> float:
+    """Return the top speed of a joint that turns back, in the unit of its position per second; 0 if it does not.
+
+    It is taken over ten samples, so that steps of an encoder do not count.
+    """
+    unit = exam.log.joints[j].unit
+    if not exam.usable("position", j) or not exam.survey("position").step[j] > SPEED[unit] * exam.period:
+        return 0.0
+    if not _turns_back(exam, j):
+        return 0.0
+    parts = [exam.log.channels["position"][rows, j] for rows in exam.blocks]
+    speeds = [np.abs(part[_TEN:] - part[:-_TEN]) for part in parts if part.size > _TEN]
+    return float(np.quantile(np.concatenate(speeds), 0.99)) / (_TEN * exam.period) if speeds else 0.0
+
+
+def _turns_back(exam: Exam, j: int) -> bool:
+    """Return whether a joint moves to and fro; a spindle that turns on and on may count as many turns as it likes."""
+    change = np.diff(exam.sample("position", j))
+    forth, back = float(np.maximum(change, 0).sum()), float(np.maximum(-change, 0).sum())
+    return min(forth, back) > 0.2 * max(forth, back)
 
 
 @find.mend_with

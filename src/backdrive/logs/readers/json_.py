@@ -29,6 +29,13 @@ _BAM = {
     "temp": "temperature",
     "load": "drive_input",
 }
+#: Files of this package by their `format`, which hold no log.
+OWN = {
+    "backdrive-friction-model": "friction model (`backdrive show FILE`)",
+    "backdrive-tuning": "tuning",
+    "backdrive-plan": "plan (--plan FILE beside a log)",
+    "backdrive-population": "population of robots",
+}
 
 
 def read(path: str, options: ReadOptions) -> Columns:
@@ -51,6 +58,9 @@ def read(path: str, options: ReadOptions) -> Columns:
             f"This is not JSON ({error}).",
             remedy="Save it again, or say what it is: --format NAME (in Python format=).",
         ) from error
+    own = content.get("format") if is_object(content) else None
+    if isinstance(own, str) and own in OWN:
+        raise ReadError(f"This is a {OWN[own]}, not a log.", remedy="Name a log.")
     notes: list[str] = []
     samples: Any = (
         content.get("entries", content.get("samples", content.get("data"))) if is_object(content) else content
