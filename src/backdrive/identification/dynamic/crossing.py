@@ -20,7 +20,9 @@ from backdrive.laws.direction import BACKWARD
 
 ENOUGH = 0.3  # least share of sliding samples for a fit to sliding alone [-]
 LESS = 2.0  # least significance of lower friction at reversals for which they are left out [standard error]
-SMALL = 0.005  # least decrease of friction at reversals, relative to the RMS torque; smoothing causes less [-]
+SMALL = (
+    0.005  # least decrease of friction at reversals, relative to the RMS torque; smoothing causes less [-]
+)
 FEWEST_TURNS = 6  # least number of reversals for the test
 
 
