@@ -14,10 +14,8 @@ from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs.log import Log
 
 ALIKE = 0.8  # least correlation of planned and measured velocity [-]
-APART, EQUAL = (
-    0.05,
-    0.98,
-)  # a second start is reported if it lies further away (share of the plan) and correlates as well (share of the best) [-]
+# least distance of a second start, relative to the plan, and its least correlation, relative to the best [-]
+APART, EQUAL = 0.05, 0.98
 MOST = 1 << 19  # largest number of grid points for the lag
 
 FEWEST_REVERSALS = 4  # least number of reversals that motion and plan have in common

@@ -31,13 +31,11 @@ from backdrive.logs.filters import low_pass
 FALSE = 0.01  # probability of a remark on an arm without couplings [-]
 BLOCKS = 10  # number of blocks of the log
 RIDGE = 1e-6  # ridge weight in the regression on a joint's own columns of unit length [-]
-LEAST = 0.03  # smallest d that gets a remark [-]
-LARGEST, STEPS = (
-    1.6,
-    (0.2, 0.02),
-)  # largest d in the search, and its steps: the loss has many local minima [-]
+LEAST = 0.03  # least d with a remark [-]
+# largest d of the search, and its steps, which are small since the loss has many local minima [-]
+LARGEST, STEPS = 1.6, (0.2, 0.02)
 WIDE = 0.05  # step of numerical derivatives with respect to d, wider than the local minima [-]
-PAIRS, SUSPECT = 2, 2.0  # number of pairs that are searched, and least gain of a pair [standard error]
+PAIRS, SUSPECT = 2, 2.0  # largest number of searched pairs, and their least gain [standard error]
 FLOOR = 0.01  # least standard error of d, reached if friction follows no curve, as on simulated arms [-]
 WILD = 3.0  # limit of the residuals in the test [standard deviation]
 

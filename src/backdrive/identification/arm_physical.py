@@ -84,7 +84,7 @@ def _nearest_possible(
     both = relation.T @ np.linalg.solve(covariance, np.column_stack([relation, -beta]))
     pull, cost = both[:, :-1], both[:, -1]
     divergence = np.einsum("kij,kdji->d", wanted, slopes)
-    x = np.tile([1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 2.0, 0.0, 0.0, 2.0], J) / J  # all P_k alike
+    x = np.tile([1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 2.0, 0.0, 0.0, 2.0], J) / J  # all P_k are equal
     for mu in WEIGHTS:
         x = _newton(x, np.zeros((J, 4, 4)), slopes, cost / mu + divergence, pull / mu)
     return x

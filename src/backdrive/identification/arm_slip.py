@@ -30,10 +30,8 @@ LONGEST = 0.05  # longest delay of the search [s]
 EXACT = 5e-3  # largest standard error of a known delay [s]
 FEWEST = 3  # least number of joints whose bodies' torque determines the delay
 RIDGE = 1e-6  # ridge weight in the regression on a joint's own columns of unit length [-]
-SLOW, SETTLE = (
-    0.05,
-    0.3,
-)  # friction may lag below this share of the top speed [-], and this long around it [s]
+# share of the top speed below which friction may lag [-], and margin in time about such slow samples [s]
+SLOW, SETTLE = 0.05, 0.3
 TELLS = 1e-3  # least part of the derivative of the bodies' torque that the other columns do not explain [-]
 
 

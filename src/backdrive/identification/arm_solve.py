@@ -1,4 +1,4 @@
-"""Weighted, bounded, robust least squares for a whole arm, with weak priors and honest standard errors.
+"""Weighted, bounded, robust least squares for a whole arm, with weak priors and standard errors from left-out blocks.
 
 The coefficients are the base parameters of the bodies, followed by every joint's own terms. Joints share the bodies, so each
 joint is weighted by its noise. Wide priors determine what the motion does not: bodies near the description, curves smooth and
@@ -24,9 +24,7 @@ ROUNDS = 12  # largest number of iterations of weights and load
 SETTLED = 1e-4  # change of the torque below which the iterations end, relative to its noise [-]
 WILD = 2.0  # residuals above this size get less weight (Huber) [standard deviation]
 ROUGH = 0.3  # prior standard deviation of a curve's bend, relative to the joint's RMS torque [-]
-UNLIKE = (
-    0.05  # prior standard deviation of the directions' difference, relative to the joint's RMS torque [-]
-)
+UNLIKE = 0.05  # prior standard deviation of the directions' difference, relative to the RMS torque [-]
 LEVEL = 3.0  # prior standard deviation of the friction, relative to the joint's RMS torque [-]
 LOAD = 0.3  # prior standard deviation of the load friction [-]
 STRONG = 1e4  # weight of the convention on the offset, relative to the data [-]
@@ -42,8 +40,8 @@ class Solution:
         beta: base parameters [kg, kg.m, kg.m^2], (b,).
         own: coefficients of each joint's terms, J arrays (2 k + 3,).
         errors: standard errors of `own`, J arrays; those of coefficients at a bound are as if they were freed.
-        pushed: how far the free estimate lies below a lower bound [standard error]; 0 for free coefficients,
-            J arrays (2 k + 3,).
+        pushed: distance of the free estimate below a lower bound [standard error], 0 for free coefficients, J arrays
+            (2 k + 3,).
         told: share of each base parameter's prior variance that the data removed [-], (b,).
         condition: of the rigid-body columns at unit length [-].
         joint: covariance of all coefficients, bodies first, zero for those at a bound, (p, p).

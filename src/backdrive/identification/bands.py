@@ -21,7 +21,7 @@ def bands_of(parts: Sequence[Part]) -> Bands:
     """Return the bands, from held-out samples if there are any.
 
     Args:
-        parts: signals, measured friction, predicted torque [N.m or N] and whether the fit saw them.
+        parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted.
     """
     judged = [part for part in parts if not part[3]] or parts
     error = np.concatenate([np.abs(s.torque - predicted) for s, _, predicted, _ in judged])

@@ -62,7 +62,7 @@ class PayloadGrowth:
         gravity: a and b of the arm without payload, a sin q + b cos q [N.m], (2,).
         gravity_error: their standard errors [N.m], (2,).
         positive: friction without load at the knots along +q [N.m], (K,).
-        negative: the same along -q [N.m], (K,).
+        negative: friction without load at the knots along -q [N.m], (K,).
         error_pos: standard errors of `positive` [N.m], (K,).
         error_neg: standard errors of `negative` [N.m], (K,).
         velocity: the knots [rad/s], (K,).

@@ -24,9 +24,7 @@ from backdrive.logs.filters import fft_length
 LONGEST = 400  # largest lag of a correlation [sample]
 SEEN = 2.0  # least significant correlation, relative to sqrt(log10 N / N) [-]
 QUIET = 10  # number of consecutive insignificant lags that end the correlation
-ROUNDS = (
-    4  # number of iterations, in each of which the part removed by the fit follows from the last correlation
-)
+ROUNDS = 4  # number of iterations; in each, the part removed by the fit follows from the last correlation
 WHOLE = 10.0  # weight of the noise of all runs in the noise of one run [independent sample]
 LEAST = 0.1  # least variance of a sum, relative to that of white noise of the same size [-]
 

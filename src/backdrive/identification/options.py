@@ -330,7 +330,7 @@ def external_torque_notes(logs: Sequence[Log], method: str) -> list[str]:
 
 
 def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
-    """Return whether joints move at the same time without a known torque that accounts for their coupling."""
+    """Return whether joints move at the same time and the logs hold no model torque of their coupling."""
     together = 0
     for log in logs:
         if len(names) < 2 or log.model_torque is not None or len(log) < 2:

@@ -18,13 +18,11 @@ CHANCE = 1e-5  # largest probability that noise explains as much as a reported c
 STRUCTURE = 0.015  # least explained residual with a remark, relative to the friction [-]
 GRAVE = 0.25  # explained residual above which the grade is lowered, relative to the friction [-]
 MOST = (
-    1.5  # explained residual above which terms are not separated by the motion, relative to the friction [-]
+    1.5  # largest plausible explained residual, relative to the friction; above, terms are not separated [-]
 )
 LEFT = 0.1  # largest slow residual without a remark, relative to the friction [-]
 LATE = 0.015  # least delay of the torque with a remark [s]
-WORTH = (
-    0.96  # largest residual with a corrected delay for which there is a remark, relative to that without [-]
-)
+WORTH = 0.96  # largest residual after correction of the delay for a remark, relative to that before [-]
 WILD = 3e-3  # largest share of outliers without a remark [-]
 COARSE = 0.25  # largest step of the measured torque without a remark, relative to the friction [-]
 FEW_STEPS = 0.3  # largest encoder step without a remark, relative to the travel in `MEAN` at top speed [-]
@@ -47,9 +45,8 @@ def delay(case: Case) -> Remark | None:
     """Remark on a delay of the torque, from the shift at which a friction curve fits best."""
     if (res := case.residual) is None:
         return None
-    growing = (
-        case.friction.law.growth is not None
-    )  # in a fit of a curve over velocity alone, friction that grows with the load looks like a delay
+    # in a fit of a curve over velocity alone, friction that grows with the load looks like a delay
+    growing = case.friction.law.growth is not None
     found = res.delay(*([np.sign(res.velocity) * _static_load(case, res)] if growing else []))
     if found is None or abs(found[0]) < LATE or found[1] > WORTH:
         return None

@@ -42,7 +42,7 @@ def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, Joint
     (up, up_error, up_seen), (down, down_error, down_seen) = _break_away(found, 1), _break_away(found, -1)
     seen = {"coulomb_positive": up_seen, "coulomb_negative": down_seen}
     untried = _missing_direction(found)
-    if untried:  # use the direction that was ramped for both
+    if untried:  # use the friction of the ramped direction for both
         up, down = max(up, down), max(up, down)
     law = CoulombViscous(coulomb_positive=max(up, 0.0), coulomb_negative=max(down, 0.0))
     missing = [name for name in seen if not seen[name] and name != untried]

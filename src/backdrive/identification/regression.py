@@ -149,9 +149,7 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
     """Return Huber's weights times `w`, (n,), and the solution for them, (p,)."""
     inside = np.flatnonzero(w)
     p, prior = X.shape[1], w[inside]
-    rows = np.empty(
-        (inside.size, p + 1)
-    )  # X and y together, so that one product gives both sides of the equations
+    rows = np.empty((inside.size, p + 1))  # X and y: one product gives both sides of the equations
     rows[:, :p], rows[:, p] = X.take(inside, axis=0), y[inside]
     weighted = rows if np.all(prior == 1.0) else rows * prior[:, None]
     whole = weighted.T @ rows
@@ -168,9 +166,7 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
         width = HUBER * _spread_of(size.copy()) if count else 0.0
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
-        part = rows.take(
-            lighter, axis=0
-        )  # the few rows with reduced weight are subtracted from the equations of all
+        part = rows.take(lighter, axis=0)  # few rows, whose lost weight is subtracted from all equations
         part *= np.sqrt(lost)[:, None]
         equations = whole - part.T @ part
     weights = prior.copy()

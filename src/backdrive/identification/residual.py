@@ -272,7 +272,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     """Return the residual of a model in short means; None without samples.
 
     Args:
-        parts: signals, measured friction, predicted torque [N.m or N] and whether the fit saw them.
+        parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted.
     """
     parts = [part for part in parts if part[0].time.size]
     if not parts:

@@ -17,9 +17,7 @@ LEAST_RUNS = 4  # least number of runs for a curve
 LEAST_TIME = 0.3  # least duration of a plateau inside a longer log [s]
 STEADY = 0.08  # largest standard deviation of the velocity on a plateau, relative to its mean [-]
 SMOOTH = 0.05  # length of the means that locate the start and the stop of a run [s]
-STARTING = (
-    0.5  # first or last speed of a log below which it contains a start or stop, relative to the level [-]
-)
+STARTING = 0.5  # first or last speed that indicates a start or a stop, relative to the level [-]
 UP_TO_SPEED = 0.95  # speed at which a start has ended, relative to the level [-]
 LEAST_SHARE = 0.5  # least share of constant velocity in a log of one run [-]
 SEEN = 0.25  # least share of the torque's variance within runs that an accepted gravity explains [-]

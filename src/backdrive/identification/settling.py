@@ -17,14 +17,8 @@ from backdrive.identification.signals import Signals, way_since_reversal
 from backdrive.identification.slip import fit
 from backdrive.logs import filters
 
-SHARES = (
-    0.005,
-    0.01,
-    0.02,
-    0.04,
-    0.08,
-    0.16,
-)  # tested distances, as shares of the median distance between two reversals [-]
+# tested distances, relative to the median distance between two reversals [-]
+SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
 

@@ -29,16 +29,12 @@ SHARES = 0.3, 1.5  # limits of the response of the jerk during the search [-]
 KNOWN = 2.0  # largest standard error of a known delay [sampling interval]
 MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
 SURE = 5.0  # least excess over one sampling interval of a poorly known delay that is used [standard error]
-OPPOSITE, SLIGHT = (
-    -0.48,
-    -0.1,
-)  # the most negative correlation, and the one above which a negative one counts as zero [-]
+# most negative correlation of neighbouring bins, and negative correlation above which it is set to zero [-]
+OPPOSITE, SLIGHT = -0.48, -0.1
 FELT = 3.0  # least significance of the inertia [standard error]
 SHOWN = 0.05  # least response of the jerk to a delay that determines the delay [-]
-CORNERS, OF_JERK = (
-    (50.0, 100.0),
-    (30.0, 40.0),
-)  # cutoff frequencies of motion and of jerk against encoder errors, at first and near the delay [Hz]
+# cutoff frequencies of motion and of jerk, against encoder errors: at first, and near the delay [Hz]
+CORNERS, OF_JERK = (50.0, 100.0), (30.0, 40.0)
 
 
 @dataclass(frozen=True, kw_only=True)

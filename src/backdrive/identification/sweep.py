@@ -99,7 +99,7 @@ def identify_sweep(
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint's friction from sweeps.
 
-    With several sweeps, the last one is judged by a fit to the others, if these determine the gravity at its center. Then all
+    With several sweeps, the last one is predicted by a fit to the others, if these determine the gravity at its center. Then all
     are fitted together.
 
     Args:

@@ -52,7 +52,7 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
     """Return the result in a few sentences."""
     unit, speed, rate = friction.joint.torque_unit, f"{friction.joint.unit}/s", friction.law.rate
     assert isinstance(rate, Polyline)
-    slowest, top = rate.velocity[0], friction.validity.speeds[1]  # the same as in the table of the report
+    slowest, top = rate.velocity[0], friction.validity.speeds[1]  # as in the table of the report
     slow = friction.law.torque(np.array([slowest, -slowest])) * (1, -1)
     fast = friction.law.torque(np.array([top, -top])) * (1, -1)
     if found.symmetric:

@@ -20,13 +20,9 @@ from backdrive.logs.log import Log
 
 TRIED = (0.5, 0.25, 0.12, 0.06, 0.03)  # tried least strokes, relative to the whole travel [-]
 EQUAL = 0.1  # largest relative difference of the strokes of one sweep [-]
-SINE = (
-    0.7,
-    1.3,
-)  # limits of the time above 0.8 of the peak speed, relative to a sine of this stroke and peak [-]
-GROWTH = (
-    0.12  # largest deviation of a peak speed from the straight line through all, relative to the step [-]
-)
+# limits of the time above 0.8 of the peak speed, relative to a sine of the same stroke and peak speed [-]
+SINE = (0.7, 1.3)
+GROWTH = 0.12  # largest deviation of a peak speed from the line through all, relative to the step [-]
 LEAST_STEP = 0.01  # least growth of the peak speed from cycle to cycle, relative to the highest one [-]
 SMOOTH = 25.0  # largest cutoff frequency of the low pass for the detection of cycles [Hz]
 FOLLOWS = 0.15  # largest RMS deviation of a motion from its plan, relative to stroke or top speed [-]

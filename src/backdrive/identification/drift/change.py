@@ -33,9 +33,7 @@ from backdrive.plans.base import phrase
 ALARM = 0.01  # probability of a false alarm [-]
 REPEAT = 1.1  # scatter of repeated identifications, divided by the standard error from one log [-]
 REACH = 1.96  # standard errors of a 95 % interval
-SLOWEST = (
-    0.02  # share of the top speed below which the mean change is not evaluated, since curves jump at rest [-]
-)
+SLOWEST = 0.02  # lowest speed for the mean change, relative to the top speed, since curves jump at rest [-]
 MEANS = 60  # number of speeds for the mean change
 # least variance of a tested combination of speeds, relative to the largest one [-]
 LEAST_EIGEN = 1e-6

@@ -19,9 +19,8 @@ import numpy as np
 from backdrive.errors import InvalidInput
 from backdrive.identification.drift.change import ALARM, REACH, chance
 
-GRID = np.concatenate(
-    [[0.0], np.geomspace(1e-3, 1e2, 31)]
-)  # values of q, relative to the mean of s_i^2 divided by the mean interval [-]
+# values of q, relative to the mean of s_i^2 divided by the mean interval [-]
+GRID = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 31)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

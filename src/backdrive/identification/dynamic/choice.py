@@ -23,7 +23,7 @@ LEAST = 0.002  # least relative decrease of the held-out error if it is signific
 CLEAR = 0.999  # one-sided confidence level at which a decrease over the windows is significant [-]
 LOST = 0.1  # if few windows contain a law's gain: largest loss in the others, relative to the gain [-]
 
-#: Laws that `auto` considers by what the data can support.
+#: Laws that `auto` tries, as far as the data can support them.
 CURVES = ("coulomb-viscous", "stribeck-gauss", "stribeck-tustin", "degressive")
 PRESLIDING = ("stribeck-gauss+hayward-armstrong", "stribeck-gauss+lugre", "stribeck-gauss+elastoplastic")
 LOADED = ("m3", "m4", "m5")
@@ -36,10 +36,10 @@ class Candidate:
 
     Attributes:
         name: of the law.
-        parameters: numbers that were sought.
+        parameters: number of estimated parameters.
         error: RMS error on the fitted data [N.m or N; rad or m where motion was fitted]; NaN if the fit failed.
         held_out: RMS error on the held-out data [the same unit].
-        aic: Akaike's information criterion, less the smallest of the choice.
+        aic: Akaike's information criterion, minus the smallest one of the choice.
         seconds: duration of the fit [s].
         remark: why the fit failed, or the parameters that it does not determine.
         fit: None if it failed.
@@ -61,7 +61,7 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """The laws that were tried on one joint, and the one to use.
+    """The laws tried on one joint, and the chosen one.
 
     Attributes:
         joint: its name.
@@ -78,7 +78,7 @@ class Choice:
     unit: str = "N.m"
 
     def candidate(self, name: str | None = None) -> Candidate:
-        """Return a candidate by name; None: the chosen one.
+        """Return a candidate by name; the chosen one for None.
 
         Raises:
             UnknownName: no such law was tried.
@@ -192,7 +192,7 @@ def choose(
 
     Args:
         joint: its name.
-        candidates: fitted and judged.
+        candidates: fitted laws with their held-out errors.
         unit: of the errors.
         size: root mean square of the measured quantity, for percentages.
         what: name of the measured quantity, for the sentence.

@@ -20,9 +20,7 @@ from backdrive.laws.direction import BACKWARD
 
 ENOUGH = 0.3  # least share of sliding samples for a fit to sliding alone [-]
 LESS = 2.0  # least significance of lower friction at reversals for which they are left out [standard error]
-SMALL = (
-    0.005  # least decrease of friction at reversals, relative to the RMS torque; smoothing causes less [-]
-)
+SMALL = 0.005  # least decrease of friction at reversals, relative to the RMS torque [-]
 FEWEST_TURNS = 6  # least number of reversals for the test
 
 
@@ -56,7 +54,7 @@ def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:
 def lags_behind(
     stretches: Sequence[Stretch], slid: Sequence[Stretch], misses: Sequence[np.ndarray], late: float
 ) -> bool:
-    """Return whether friction near reversals is lower than the fit predicts, as it is when a joint sticks and deflects first.
+    """Return whether friction near reversals is lower than the fit predicts, because the joint sticks and deflects there.
 
     Args:
         stretches: of one joint.

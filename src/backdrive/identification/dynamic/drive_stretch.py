@@ -202,7 +202,7 @@ def model_of(drive: Drive, sought: tuple[str, ...] = ()) -> DriveModel:
 
 
 def drive_of(log: Log, sought: tuple[str, ...] = ()) -> DriveModel:
-    """Return the drive that a log was recorded with, with those of its gains that the engine knows.
+    """Return the drive of a log, with those of its gains that the engine knows.
 
     Raises:
         InvalidInput: the log does not name its drive, or lacks a gain.

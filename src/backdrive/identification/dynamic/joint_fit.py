@@ -35,7 +35,7 @@ class JointFit:
     Attributes:
         friction: for the model.
         evidence: for the report.
-        choice: the laws that were tried.
+        choice: the laws tried, and the chosen one.
         intervals: 95 % interval of each parameter of the last fit [SI].
         stopped: a person interrupted the fit; this is the best result so far.
         notes: changes made to the data, in sentences.

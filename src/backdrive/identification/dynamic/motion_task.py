@@ -156,7 +156,7 @@ class MotionTask(Task):
         return float(np.mean(one.found.residual**2)), one.samples
 
     def explains(self, final: Fit, judged: Fit) -> bool:
-        """Return whether to use the fit to all data: unless it was interrupted at a larger error than the judged fit."""
+        """Return whether to use the fit to all data; False if it was interrupted at a larger error than the judged fit."""
         return not (final.interrupted and final.rms > judged.rms)
 
     def _start(self, shape: LawShape, terms: Sequence[str]) -> dict[str, float]:

@@ -30,7 +30,7 @@ class Covariance:
     """Covariance of the search coordinates.
 
     Attributes:
-        matrix: (P, P); NaN for coordinates at a bound, infinite for those that do not act on the residuals.
+        matrix: (P, P); NaN for coordinates at a bound, infinite for coordinates without effect on the residuals.
         correlation: between them, (P, P).
     """
 
