@@ -6,7 +6,7 @@ Where motor k turns with dq_k + d dq_l, its friction F_k acts on joint l as well
 
 The residual of joint l therefore follows F_k. For every ordered pair of joints, the residual of l is regressed on the part of
 F_k that l's own columns do not explain. Cross-validation over blocks of the log selects the pairs that lower the squared
-residual most. For these pairs, in both orders, the search finds the d with the smallest residuals of both joints; bodies and
+residual most. For these pairs, in both orders, the search finds the d with the smallest residuals of both joints. Bodies and
 friction are refitted for each d. The best d is tested: on held-out blocks, the squared residuals must be smaller than without
 the coupling. The test uses Student's distribution over the blocks, at a level corrected for the number of pairs. Blocks are
 longer than the correlation of the residual.

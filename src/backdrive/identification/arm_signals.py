@@ -31,7 +31,7 @@ class ArmSignals:
     """Motion and torque of all joints between two gaps, in the robot's order.
 
     If motors drive several joints, velocity, acceleration and torque are those of the motors, on which friction and motor
-    inertia act; otherwise they are those of the joints.
+    inertia act. Otherwise they are those of the joints.
 
     Attributes:
         time: uniform instants [s], (n,).

@@ -2,11 +2,11 @@
 
     tau(t) = bodies(t - d) + rest  ~  bodies - d bodies' + rest
 
-The bodies' torque determines d while a joint slides. Friction does not, since it lags after reversals without any delay. For
-each joint, the part explained by its own columns is removed from the logged torque and from the derivative of the bodies'
-torque (Frisch, Waugh, Lovell). The remainders give d for each joint, and a mean weighted by the noise. Its standard error is
-the larger of the scatter between blocks of time and the scatter between joints. On arms with gears this is some milliseconds,
-so a filter of the torque is detected, but seldom a delay of one sample. The torque is shifted by d until no delay remains.
+The bodies' torque determines d while a joint slides. Friction does not, since it lags after reversals even if d is zero. Each
+joint's own columns are regressed out of the logged torque and of the derivative of the bodies' torque (Frisch, Waugh, Lovell).
+The remainders give d for each joint, and a mean weighted by the noise. Its standard error is the larger of the scatter between
+blocks of time and the scatter between joints. On arms with gears this is some milliseconds. A filter of the torque is thus
+detected, but seldom a delay of one sample. The torque is shifted by d repeatedly, until no delay remains.
 """
 
 from __future__ import annotations

@@ -6,12 +6,11 @@
 Y theta is the torque of the rigid bodies; `inertia` is that of the motor, which acts on its own joint alone. F is the friction
 curve of each direction, line sections between knots and constant above the last one. `load_friction` is friction proportional
 to the torque in the gear: the load-dependent loss of harmonic drives and planetary gears (Hamon, Gautier, Garrec, IROS 2010).
-s replaces the sign of the velocity, since no encoder resolves the instant of a reversal. All but the load term are linear in
-their coefficients; the load is taken from the previous iteration of the fit.
+The smooth sign s replaces the sign of the velocity, since no encoder resolves the instant of a reversal. All but the load term
+are linear in their coefficients; the load is taken from the previous iteration of the fit.
 
 If motors drive several joints (q = C q_motor), friction and inertia act at the motors. Then tau, and dq and ddq of the last
-four terms, are those of the motors, and the torque of the bodies is C' Y theta. On the joints, the motors' inertia is a full
-matrix.
+four terms, are those of the motors. The torque of the bodies is C' Y theta. On the joints, the motors' inertia is a full matrix.
 
 Torque and all columns then pass the same zero-phase low pass ("parallel filtering", Gautier 1997), and are thinned.
 """

@@ -1,7 +1,7 @@
 """Candidate friction curves as linear maps of one fine basis of hat functions.
 
 The fine basis has one hat function per knot and direction. Every coarser curve (fewer knots, a straight line, equal directions)
-is an exact linear combination of its columns, so that all candidates are compared on one regressor.
+is an exact linear combination of its columns. All candidates are thus compared on one regressor.
 """
 
 from __future__ import annotations

@@ -229,8 +229,8 @@ def refit(choice: Choice, blocks: regression.Blocks) -> Choice:
 def _tie(losses: np.ndarray, of_best: np.ndarray) -> bool:
     """Return whether the blocks' losses exceed those of the best model by no more than their scatter.
 
-    A block that a model predicts badly adds as much to the scatter of the differences as to their sum, so a single block is
-    never significant. In that case, the ratios of the losses distinguish the models.
+    A badly predicted block adds as much to the scatter of the differences as to their sum. A single block is thus never
+    significant. In that case, the ratios of the losses distinguish the models.
     """
     worse, floor = losses - of_best, ROUNDING * max(float(of_best.sum()), 1e-300)
     ratio = np.log((losses + floor) / (of_best + floor))

@@ -1,8 +1,8 @@
 """FunctionA: from the cycles of a sweep to velocity-friction pairs (Iwatani 2017, (2.7)), as printed and corrected.
 
-The corrected version uses torque and velocity of the same instant and a separate mean velocity for each direction, and leaves
-out windows without enough samples. A regression on the variation of the torque inside the windows removes the contributions of
-inertia and gravity from a window's mean. The effect of the curve's bend is removed too. See `docs/theory/sweep.md`.
+The corrected version uses torque and velocity of the same instant and a separate mean velocity for each direction. Windows
+without enough samples are left out. A regression on the variation of the torque inside the windows removes the contributions
+of inertia and gravity from a window's mean. The effect of the curve's bend is removed too. See `docs/theory/sweep.md`.
 """
 
 from __future__ import annotations
@@ -218,8 +218,8 @@ def _parabola(V: np.ndarray, order: np.ndarray, k: int, width: int) -> np.ndarra
 def _within(z: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Return the rows z, torque, acceleration and others, without their mean and slope over velocity, (r, n).
 
-    Near a velocity peak the acceleration is a cubic in time. Only its projection on that cubic is kept, since noise of the twice
-    differentiated position would bias the inertia towards zero (time is the instrument of a two-stage regression).
+    Near a velocity peak the acceleration is a cubic in time. Only its projection on that cubic is kept: time is the instrument
+    of a two-stage regression. Noise of the twice differentiated position would otherwise bias the inertia towards zero.
     """
     v = v - v.mean()
     t = (t - t.mean()) / max(float(np.ptp(t)), 1e-300)

@@ -6,9 +6,9 @@ Let friction grow by mu_d if the motor lifts the load, and by mu_b if the load d
     along -q:  -F_n(V) + g - mu |g|  + delta g        delta = (mu_d - mu_b) / 2
 
 since sgn(v) mu_d |g| for v g > 0 and sgn(v) mu_b |g| for v g < 0 together equal sgn(v) mu |g| + delta g. Thus mu is equal in both
-directions and follows from the half difference, if the posture changes |g|. delta acts exactly like a factor on gravity, so no
-posture of the same arm determines it. Only a known payload (`payload_growth`) does: its apparent weight is 1 + delta times its
-true one.
+directions and follows from the half difference, if the posture changes |g|. The other part, delta, acts exactly like a factor on
+gravity, so no posture of the same arm determines it. Only a known payload (`payload_growth`) does: its apparent weight is
+1 + delta times its true one.
 """
 
 from __future__ import annotations

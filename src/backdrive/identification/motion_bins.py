@@ -15,7 +15,7 @@ from backdrive.logs import filters
 BIN_TIME = 0.01  # shortest bin [s]
 LONGEST_BIN = 0.1  # longest bin [s]
 OF_A_MOVE = 0.125  # longest bin, relative to the median time between two reversals [-]
-BLOCK_TIME = 1.5  # length of a cross-validation block, if their number is within `BLOCKS` [s]
+BLOCK_TIME = 1.5  # shortest cross-validation block, unless `BLOCKS` requires shorter ones [s]
 BLOCKS = (8, 24)  # least and largest number of blocks
 # least share of sliding samples in a used bin; least share of moving samples, if there is little motion [-]
 FILLED, HALF = 0.9, 0.5
@@ -116,8 +116,7 @@ def bin_size(s: Signals, seconds: float = BIN_TIME) -> tuple[int, int]:
 def block_count(duration: float, period: float = 0.0) -> int:
     """Return the number of blocks of neighbouring samples.
 
-    A block is at least as long as a period of the motion, if the log is long enough, since a shorter one resembles its
-    neighbours.
+    If the log is long enough, a block is at least as long as a period of the motion. A shorter one resembles its neighbours.
 
     Args:
         duration: of all stretches [s].

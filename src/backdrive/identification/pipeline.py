@@ -83,8 +83,8 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     Without a law, the method follows from the logs, and the data determine the form of the curve. With a law, several laws or
     `auto`, the method is `dynamic`. Every law is then fitted with every third window of time held out, and judged on these windows
     or on the `held_out` logs. The chosen law is finally fitted to all data, together with inertia, a constant torque and, if
-    required, gravity. Logs without torque are fitted by forward dynamics with the drive in the loop: the residual is that of
-    the position predicted from the drive's input.
+    required, gravity. Logs without torque are fitted by forward dynamics with the drive in the loop. The residual is then that
+    of the position predicted from the drive's input.
 
     Args:
         logs: one log or data frame, or several of the same joints, with position or velocity, and torque; or with position and

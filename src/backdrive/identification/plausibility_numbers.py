@@ -195,7 +195,7 @@ def external_share(case: Case) -> Remark | None:
 
 
 def break_away(case: Case) -> Remark | None:
-    """Remark on break-away below Coulomb friction, which is impossible if far below, and otherwise means poor slow motion."""
+    """Remark on break-away below Coulomb friction: far below is impossible, slightly below means that it was not measured."""
     rate = case.friction.law.rate
     ways = (rate.forward, rate.backward) if isinstance(rate, ByDirection) else (rate,)
     levels = [(getattr(way, "breakaway", math.nan), getattr(way, "coulomb", math.nan)) for way in ways]

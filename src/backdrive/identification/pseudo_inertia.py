@@ -2,9 +2,9 @@
 
     P = [[S, h], [h', m]],     S = tr(I)/2 - I,     h = m c
 
-I is the inertia about the frame's origin, h the first moment, m the mass. A body of positive density has P > 0, and for every
-P > 0 such a body exists (Traversaro, Brossette, Escande, Nori, IROS 2016; Wensing, Kim, Slotine, RA-L 3, 2018). P is linear in
-the parameters. In another frame it is G P G', with the homogeneous transform G of the frame.
+I is the inertia about the frame's origin, h the first moment, m the mass. A body of positive density has P > 0. Conversely,
+every P > 0 belongs to such a body (Traversaro, Brossette, Escande, Nori, IROS 2016; Wensing, Kim, Slotine, RA-L 3, 2018). P is
+linear in the parameters. In another frame it is G P G', with the homogeneous transform G of the frame.
 """
 
 from __future__ import annotations

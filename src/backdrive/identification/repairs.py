@@ -1,6 +1,6 @@
 """The choice of a log's repairs: those that lower the held-out error, and those without which the log would be refused.
 
-A false finding thus cannot spoil a good log. Repairs of wrong or late samples are tested one at a time: the affected joints are
+A false finding thus cannot spoil a good log. Repairs of wrong or late samples are tested one at a time. The affected joints are
 identified with and without the repair, with all other repairs made. A residual does not reveal a wrong sign or unit, an
 overflow, or a clock that runs backwards. Those repairs follow from the channels themselves and are always made.
 """

@@ -250,8 +250,9 @@ def _sliding(
 
 
 def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the samples of reversals, both ends included, and for each sample, (n,), the distance since the last reversal and
-    that of the whole move [rad or m times rate].
+    """Return the samples of reversals with both ends, and the distances since the last reversal and of the whole move.
+
+    The distances belong to each sample, (n,) [rad or m times rate].
     """
     bounds = np.r_[0, np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1, velocity.size]
     length, way = np.diff(bounds), np.r_[0.0, np.cumsum(np.abs(velocity))]

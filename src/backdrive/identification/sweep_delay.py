@@ -1,14 +1,13 @@
 """The delay of the drive, from the windows of a sweep.
 
 A torque that acts d later than it was commanded adds -I d dddq to the apparent friction. At one speed the jerk of cycle n is
--(2 n V / (A N))^2 times the speed, so cycles that pass the same speed with different jerk separate d from friction. All terms
-are fitted together to the samples of the windows: a curve for each direction, inertia, gravity, I d and, if significant,
-friction proportional to the load.
+-(2 n V / (A N))^2 times the speed. Cycles that pass the same speed with different jerk thus separate d from friction. All terms
+are fitted together: a curve for each direction, inertia, gravity, I d and, if significant, friction proportional to the load.
 
-The noise of the drive moves the joint, and the servo responds. So measured acceleration and jerk are correlated with the
-error of the torque, and least squares would mistake the loop's lag for a delay (1 ms on a simulated joint). The desired
-motion is not correlated with that noise. A low pass above the frequency of the last cycle gives nearly this motion, which
-serves as the instrument.
+The noise of the drive moves the joint, and the servo responds. Measured acceleration and jerk are therefore correlated with the
+error of the torque. Least squares would mistake the loop's lag for a delay (1 ms on a simulated joint). The desired motion is
+not correlated with that noise. A low pass above the frequency of the last cycle gives nearly this motion, which serves as the
+instrument.
 """
 
 from __future__ import annotations

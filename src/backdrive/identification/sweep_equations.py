@@ -88,8 +88,8 @@ class Equations:
     def condition(self, curves: str, terms: Sequence[str]) -> float:
         """Return the condition number of the mean torques' equations [-].
 
-        A component of gravity that is zero at all centers, as with two centers half a turn apart, does not count, since it
-        need not be separated.
+        A component of gravity that is zero at all centers need not be separated, so it does not count. There is one for two
+        centers half a turn apart.
         """
         X = self.X[: self.levels] @ self.spread(curves, terms)
         both = [i for i, term in enumerate(terms, X.shape[1] - len(terms)) if term in GRAVITY]

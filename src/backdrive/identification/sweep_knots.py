@@ -19,8 +19,8 @@ MERGED = 0.01  # pairs closer than this share of the top speed become one [-]
 class SweepKnots:
     """Velocity-friction pairs of one sweep, slowest first; m of its N cycles were usable.
 
-    F of each direction is the mean torque along it, so it contains all constants: gravity at the center and an offset of the
-    torque signal. `bias` is the part of the constant that both directions share.
+    F of each direction is the mean torque along it. It contains all constants, such as gravity at the center and an offset of
+    the torque signal. `bias` is the part of the constant that both directions share.
 
     Attributes:
         V_pos: mean speed of the samples with motion along +q [rad/s or m/s], (m,).

@@ -19,7 +19,7 @@ def error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray
     """Return a function from velocities to the curve's standard error.
 
     The knots' errors are independent. Between and beyond the knots, the deviation of a bent curve from a straight section is
-    added, f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
+    added. It is f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
     """
     rate = friction.law.rate
     assert isinstance(rate, Polyline)

@@ -6,8 +6,8 @@ than either has parameters. A model file may contain standard errors without the
 are taken as independent. This is nearly true for the knots of one sweep. The knots of several sweeps share the error of
 gravity, so pass the covariance of `fit_sweeps` for them.
 
-If only one of the models has a curve for each direction, d is the difference of (|F(v)| + |F(-v)|) / 2, since the other model
-does not separate the directions.
+If only one of the models has a curve for each direction, the other one does not separate the directions. Then d is the
+difference of (|F(v)| + |F(-v)|) / 2.
 
 Standard errors are themselves estimates from a single log, which widens the tail of the test. On 200 pairs of simulated sweeps
 without a change, the rate of false alarms was 2.5 % instead of 1 %, and 7.5 % instead of 5 %. Standard errors are therefore

@@ -244,8 +244,8 @@ class TorqueProblem(Problem):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return lower and upper limits between which the torque has no error [N.m or N], (n,) each.
 
-        If friction jumps at a reversal, it may have any value between those before and after, since the instant of the
-        reversal within the sampling interval is unknown.
+        The instant of a reversal within the sampling interval is unknown. If friction jumps there, it may have any value
+        between those before and after.
         """
         low, high = predicted.copy(), predicted.copy()
         if self.shape.element.SET_VALUED and len(predicted) > 2:

@@ -1,8 +1,8 @@
 """The unknowns of a fit: parameters with unit and range, and the conversion from a search vector to a law.
 
 A search uses scaled coordinates: the logarithm of a parameter that spans orders of magnitude, or else the parameter divided by
-its scale. The coordinates of shares of elements side by side are the logarithms of their ratios to the last share, so that
-shares always add up to 1.
+its scale. For shares of elements side by side, the coordinates are the logarithms of their ratios to the last share. Shares
+thus always add up to 1.
 """
 
 from __future__ import annotations
