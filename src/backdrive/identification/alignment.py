@@ -1,4 +1,4 @@
-"""The instant in a log at which its plan begins, given or found by correlation; and the speed at which the plan was run."""
+"""The start of a plan in its log, given or found by correlation, and the speed at which the plan was run."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs.log import Log
 
 ALIKE = 0.8  # least correlation of planned and measured velocity [-]
-APART, EQUAL = (
-    0.05,
-    0.98,
-)  # a second start is reported if it lies further away (share of the plan) and correlates as well (share of the best) [-]
-MOST = 1 << 19  # samples of the lag's grid
+# least distance of a second start, relative to the plan, and its least correlation, relative to the best [-]
+APART, EQUAL = 0.05, 0.98
+MOST = 1 << 19  # largest number of grid points for the lag
 
-FEWEST_REVERSALS = 4  # in the motion and in its plan alike
-OVERLAP = 0.7  # least share of matching reversals, of those in both [-]
-STROKES = (0.1, 0.2, 0.3)  # share of the travel: shorter motions back are not reversals [-]
-UNEVEN = 0.1  # tolerance of a reversal's place, by the distance between two reversals [-]
+FEWEST_REVERSALS = 4  # least number of reversals that motion and plan have in common
+OVERLAP = 0.7  # least number of common reversals, relative to the larger number in motion and plan [-]
+STROKES = (0.1, 0.2, 0.3)  # tried least strokes between reversals, relative to the travel [-]
+UNEVEN = 0.1  # largest RMS deviation of the reversals' instants, relative to the mean time between two [-]
 
 Start = float | Literal["auto"]
 
@@ -50,7 +48,7 @@ def with_plan(log: Log, plan: Any, start: Start) -> Log:
         start: seconds after the first sample, or `auto` [s].
 
     Raises:
-        InvalidInput: the start is no time within the log, or the plan is not one of positions.
+        InvalidInput: the start is not a time within the log, or the plan does not command positions.
         NotIdentifiable: the planned motion correlates with the measured one at no lag.
     """
     if plan is None:
@@ -84,10 +82,10 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
     has one joint and the log does not name it, the joint that correlates best is used.
 
     Raises:
-        InvalidInput: the plan is not one of positions, or the log has no clock.
-        NotIdentifiable: even there the velocities hardly correlate.
+        InvalidInput: the plan does not command positions, or the log has no clock.
+        NotIdentifiable: even at the best lag, the velocities hardly correlate.
     """
-    from scipy.signal import correlate  # half a second of imports, and few logs have a plan that began late
+    from scipy.signal import correlate  # a slow import, which few logs need
 
     if getattr(plan, "commands", "") != "position":
         raise InvalidInput(
@@ -157,11 +155,11 @@ def tempo(log: Log, joint: str, plan: Any) -> Tempo | None:
 
 
 def _compare(wanted: np.ndarray, actual: np.ndarray) -> Tempo | None:
-    """Return how two series of reversals compare; None where they are not alike.
+    """Return the ratio of two series of reversals; None if they do not match.
 
     Args:
-        wanted: instants [s] and positions of those of the plan, (2, n).
-        actual: of the motion, (2, k).
+        wanted: instants [s] and positions of the plan's reversals, (2, n).
+        actual: instants [s] and positions of the motion's reversals, (2, k).
     """
     n, k = wanted.shape[1], actual.shape[1]
     least, best = UNEVEN, None
@@ -186,7 +184,7 @@ def _reversals(position: np.ndarray, step: float, share: float) -> np.ndarray:
 
 
 def _columns(log: Log, plan: Any) -> list[list[tuple[int, int]]]:
-    """Return ways to pair columns of the log with columns of the plan's velocity."""
+    """Return alternative assignments of columns of the log to columns of the plan's velocity."""
     names: Sequence[str] = getattr(plan, "joints", (getattr(plan, "joint", ""),))
     pairs = [(log.names.index(name), i) for i, name in enumerate(names) if name in log.names]
     if pairs:
@@ -200,7 +198,7 @@ def _columns(log: Log, plan: Any) -> list[list[tuple[int, int]]]:
 
 
 def _velocity(log: Log, column: int, step: float) -> np.ndarray:
-    """Return a joint's velocity on an even grid from the first sample on, (n,); 0 where nothing is known."""
+    """Return a joint's velocity on a uniform grid from the first sample on, (n,); zeros if it is unknown."""
     channel = log.position if log.position is not None else log.need("velocity")
     usable = np.isfinite(channel[:, column]) & np.isfinite(log.time)
     time, where = np.unique(log.time[usable], return_index=True)
@@ -212,7 +210,7 @@ def _velocity(log: Log, column: int, step: float) -> np.ndarray:
 
 
 def _vertex(values: np.ndarray, at: int) -> float:
-    """Return how far the top of a parabola through three samples is from the middle one [samples]."""
+    """Return the distance of a parabola's vertex, through three samples, from the middle one [sample]."""
     if not 0 < at < len(values) - 1:
         return 0.0
     before, top, after = values[at - 1 : at + 2]

@@ -1,7 +1,7 @@
-"""A whole arm at once: rigid bodies by their base parameters, and every joint's friction beside them.
+"""Identification of a whole arm: the base parameters of its rigid bodies, and the friction of every joint.
 
-What is fitted is in `arm_terms`, how in `arm_solve`, and what makes it suspect in `arm_checks`. All measured torque is
-evaluated, rests included. Only the torque of a moving joint is fitted, since friction at rest is undetermined.
+`arm_terms` defines the terms, `arm_solve` the fit, and `arm_checks` the warnings. All measured torque is judged, rests
+included. Only the torque of a moving joint is fitted, since friction at rest is undetermined.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from backdrive.logs.log import Joint, Log
 from backdrive.model import Actuator, ArmModel, Covariance, JointFriction, Validity
 from backdrive.robot import Robot, load_robot
 
-SIGNIFICANT = 2.0  # load friction smaller than this is set to zero [standard error]
+SIGNIFICANT = 2.0  # least significance of load friction that is not set to zero [standard error]
 
 __all__ = ["identify_arm", "predict_arm", "validate_arm"]
 
@@ -63,11 +63,10 @@ def identify_arm(
         load_friction: estimate friction proportional to the torque that the bodies require.
 
     Returns:
-        Friction and evidence by joint, in the log's order; and the bodies, in the URDF's. `dynamics` of a joint holds
-        `inertia` that the motor adds, `offset` of the torque, `transition`, the velocity within which friction changes
-        sign, and `time_slip` of the torque if one is significant. Friction per transmitted torque is the growth of its law;
-        if it is not significant, it is zero with its standard error. The evidence's torques are low-passed at 5 Hz, as they
-        are judged.
+        Friction and evidence by joint, in the log's order; and the bodies, in the URDF's order. `dynamics` of a joint contains
+        `inertia` of the motor, `offset` of the torque, `transition`, the velocity within which friction changes sign, and
+        `time_slip` of the torque if it is significant. Load friction is the growth of the law; if it is not significant, it
+        is zero with a standard error. The evidence's torques are low-passed at 5 Hz, like the judged ones.
 
     Raises:
         InvalidInput: joints, units or channels do not fit.
@@ -162,7 +161,7 @@ def identify_arm(
 
 
 def _load(stretches: Sequence[ArmSignals], j: int) -> tuple[float, float]:
-    """Smallest and largest torque of a joint, low-passed [N.m or N]."""
+    """Return the smallest and the largest torque of a joint, low-passed [N.m or N]."""
     values = np.concatenate([low_pass(s.torque[:, j], JUDGED_BELOW, s.rate)[s.fitted] for s in stretches])
     return float(values.min()), float(values.max())
 
@@ -177,10 +176,10 @@ def _friction(
     grows: bool,
     slip: ArmSlip | None,
 ) -> JointFriction:
-    """Put one joint's coefficients into its law; a last, level section holds the curve constant beyond the top speed.
+    """Return one joint's friction from its coefficients; a last, level section keeps the curve constant beyond the top speed.
 
-    A growth with the load that is not significant is set to zero but keeps its standard error: under larger loads than in
-    this motion it is unknown, not absent.
+    If its growth with the load is not significant, it is set to zero but keeps its standard error. Under larger loads than in
+    this motion, it is unknown rather than zero.
     """
     own, error, k = solution.own[j], solution.errors[j], terms.knots.size
     values = {"positive": own[:k], "negative": own[k : 2 * k]}

@@ -1,4 +1,4 @@
-"""Checks of an arm's result: inverted torque, too little motion, terms at a bound."""
+"""Checks of an arm's result: inverted torque, insufficient motion, terms at a bound."""
 
 from __future__ import annotations
 
@@ -13,16 +13,14 @@ from backdrive.identification.arm_terms import Rows, Terms
 from backdrive.identification.evidence import sentences
 from backdrive.robot import PER_LINK, Range, Robot
 
-TELLING = 0.05  # friction below this share of a joint's torque is too small to show the torque's sign [-]
-ILL = 1000.0  # condition number above which the motion is called poor [-]
-GUESSED = 0.5  # a base parameter counts as undetermined if the data reduce its prior variance by less than this share [-]
-SLOW = (
-    0.02  # a joint whose top speed is below this share of the fastest of its kind shows little friction [-]
-)
-SURE = 3.0  # a term at a bound gets a remark if its free estimate lies beyond the bound by more than this [standard error]
-ONE_WAY = 0.1  # a direction with less than this share of the moving time is hardly seen [-]
-BEYOND = 0.05  # share of a joint's range by which a log may leave it, as zeros of encoders are not exact [-]
-LARGE_OFFSET = 0.3  # of the mean friction; beyond it, the offset is worth a remark [-]
+TELLING = 0.05  # least friction that determines the torque's sign, relative to a joint's torque [-]
+ILL = 1000.0  # condition number above which the motion is poor [-]
+GUESSED = 0.5  # reduction of a base parameter's prior variance below which it counts as undetermined [-]
+SLOW = 0.02  # least top speed without a remark, relative to the fastest joint of the same unit [-]
+SURE = 3.0  # distance of a free estimate beyond a bound above which there is a remark [standard error]
+ONE_WAY = 0.1  # least time in each direction without a remark, relative to the moving time [-]
+BEYOND = 0.05  # tolerance of a joint's range for inexact encoder zeros, relative to the range [-]
+LARGE_OFFSET = 0.3  # largest offset without a remark, relative to the mean friction [-]
 
 
 def refuse_inversion(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
@@ -73,7 +71,8 @@ def impossible(distance: float) -> tuple[str, ...]:
     """Return a warning if no physical bodies have base parameters within the errors of the fitted ones.
 
     Args:
-        distance: squared distance of possible base parameters, divided by that which holds 95 % of all errors [-].
+        distance: squared distance of the nearest physical base parameters, divided by that which contains 95 % of all errors
+            [-].
     """
     sentence = (
         f"No bodies of positive mass give the arm's torques (the nearest ones deviate by {np.sqrt(distance):.1f} "
@@ -84,7 +83,7 @@ def impossible(distance: float) -> tuple[str, ...]:
 
 
 def beyond_range(robot: Robot, stretches: Sequence[ArmSignals]) -> list[tuple[str, ...]]:
-    """Return a warning for every joint that leaves the range of its description: another order, unit or zero of the positions."""
+    """Return a warning for every joint that leaves the range of its description, for example because of another unit."""
     low = np.min([s.position.min(axis=0) for s in stretches], axis=0)
     high = np.max([s.position.max(axis=0) for s in stretches], axis=0)
     warnings = []

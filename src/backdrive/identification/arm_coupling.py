@@ -4,12 +4,12 @@ Where motor k turns with dq_k + d dq_l, its friction F_k acts on joint l as well
 
     tau = Y theta + D' (F(D dq) + J D ddq),     D = 1 + d e_k e_l' = C^-1 of q_joint = C q_motor
 
-So the residual of joint l follows F_k. For every ordered pair of joints, the residual of l is regressed on the part of F_k
-that l's own columns do not explain. Cross-validation over blocks of the log selects the pairs that lower the squared residual
-most. For these pairs, in both orders, the search finds the d with the smallest residuals of both joints; the columns of
-bodies and friction are fitted anew. The best d is tested: on held-out blocks, the squared residuals must be smaller than
-without the coupling. The test uses Student's distribution over the blocks, at a level corrected for the number of pairs.
-Blocks are longer than the correlation of the residual.
+The residual of joint l therefore follows F_k. For every ordered pair of joints, the residual of l is regressed on the part of
+F_k that l's own columns do not explain. Cross-validation over blocks of the log selects the pairs that lower the squared
+residual most. For these pairs, in both orders, the search finds the d with the smallest residuals of both joints. Bodies and
+friction are refitted for each d. The best d is tested: on held-out blocks, the squared residuals must be smaller than without
+the coupling. The test uses Student's distribution over the blocks, at a level corrected for the number of pairs. Blocks are
+longer than the correlation of the residual.
 """
 
 from __future__ import annotations
@@ -28,18 +28,16 @@ from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.identification.regression import NORMAL
 from backdrive.logs.filters import low_pass
 
-FALSE = 0.01  # probability that an arm without couplings gets a remark
-BLOCKS = 10  # of the log
-RIDGE = 1e-6  # of a joint's own columns at unit length, which are many
-LEAST = 0.03  # smallest d that gets a remark [-]
-LARGEST, STEPS = (
-    1.6,
-    (0.2, 0.02),
-)  # largest d in the search, and its steps: the loss has many local minima [-]
+FALSE = 0.01  # probability of a remark on an arm without couplings [-]
+BLOCKS = 10  # number of blocks of the log
+RIDGE = 1e-6  # ridge weight in the regression on a joint's own columns of unit length [-]
+LEAST = 0.03  # least d with a remark [-]
+# largest d of the search, and its steps, which are small since the loss has many local minima [-]
+LARGEST, STEPS = 1.6, (0.2, 0.02)
 WIDE = 0.05  # step of numerical derivatives with respect to d, wider than the local minima [-]
-PAIRS, SUSPECT = 2, 2.0  # number of pairs that are searched, and least gain of a pair [standard error]
-FLOOR = 0.01  # error of d where friction follows no curve, as on simulated arms [-]
-WILD = 3.0  # residuals are limited to so many standard deviations in the test
+PAIRS, SUSPECT = 2, 2.0  # largest number of searched pairs, and their least gain [standard error]
+FLOOR = 0.01  # least standard error of d, reached if friction follows no curve, as on simulated arms [-]
+WILD = 3.0  # limit of the residuals in the test [standard deviation]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +63,7 @@ class CouplingGuess:
         return C
 
     def sentence(self, names: Sequence[str]) -> str:
-        """Return a remark for people."""
+        """Return a remark for the user."""
         motor, joint = names[self.motor], names[self.joint]
         return (
             f"The motor of '{motor}' seems to turn with '{joint}' as well, by {self.value:.2f} +- "
@@ -79,11 +77,11 @@ class CouplingGuess:
 def guess_coupling(
     rows: Rows, stretches: Sequence[ArmSignals], terms: Sequence[Terms], solution: Solution
 ) -> CouplingGuess | None:
-    """Return the coupling that the residual shows most clearly, or None.
+    """Return the most significant coupling in the residual, or None.
 
     Args:
         rows: of the fit.
-        stretches: that they are of.
+        stretches: signals from which the rows were built.
         terms: of every joint.
         solution: of the fit.
     """
@@ -104,7 +102,7 @@ def guess_coupling(
 
 
 def _suspects(rows: Rows, terms: Sequence[Terms], solution: Solution) -> list[tuple[int, int]]:
-    """Return pairs of a motor and a joint whose residual may follow it, and these the other way round."""
+    """Return pairs (motor, joint) in which the joint's residual may follow the motor's friction, and the reversed pairs."""
     J, moving = len(terms), rows.weight > 0
     friction = [
         own[:, : 2 * t.knots.size] @ x[: 2 * t.knots.size]
@@ -123,7 +121,7 @@ def _suspects(rows: Rows, terms: Sequence[Terms], solution: Solution) -> list[tu
 
 
 def _coefficients(own: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Return the least-squares coefficients of `other` by the columns of `own`, (p, ...)."""
+    """Return the coefficients of a regression of `other` on the columns of `own`, (p, ...)."""
     size = np.maximum(np.linalg.norm(own, axis=0), 1e-300)
     scaled = own / size
     gram = scaled.T @ scaled + RIDGE * np.eye(size.size)
@@ -186,15 +184,15 @@ class Search:
         return [y - X @ _coefficients(X, y) for X, y in self.pieces(d)]
 
     def loss(self, d: float) -> float:
-        """Return the logarithm of their mean squares, summed."""
+        """Return the sum of the logarithms of both mean squared residuals."""
         return sum(float(np.log(np.mean(e**2))) for e in self.errors(d))
 
     def gain(self, d: float) -> float:
-        """Return by how much d lowers the loss."""
+        """Return the decrease of the loss by d."""
         return self.loss(0.0) - self.loss(d)
 
     def best(self) -> float:
-        """Return the d that makes the loss least."""
+        """Return the d with the least loss."""
         middle, reach = 0.0, LARGEST
         for step in STEPS:
             tried = np.arange(middle - reach, middle + reach + 0.5 * step, step)
@@ -203,7 +201,7 @@ class Search:
         return float(minimize_scalar(self.loss, bounds=ends, method="bounded", options={"xatol": 1e-3}).x)  # type: ignore[arg-type]
 
     def unseen(self, d: float) -> float:
-        """Return by how many standard errors d lowers the squared residuals of blocks that the columns were not fitted on."""
+        """Return the reduction of the squared residuals on held-out blocks by d [standard error]."""
         gain, block = np.zeros(BLOCKS), _blocks(self.used.size)
         for (X, y), (X0, y0) in zip(self.pieces(d), self.pieces(0.0), strict=True):
             scale = float(np.mean((y0 - X0 @ _coefficients(X0, y0)) ** 2))

@@ -1,13 +1,13 @@
-"""Standard errors of an arm's parameters: those expected of a planned motion, and those that a fit achieved.
+"""Standard errors of an arm's parameters: those expected from a planned motion, and those achieved by a fit.
 
 Expected errors come from the rows that the fit would build from the motion, with white noise in place of the torque residual.
-`noise` is its standard deviation below 5 Hz, the band of the fit, which gives ten independent values per second.
+`noise` is its standard deviation below 5 Hz, the band of the fit, which contains ten independent values per second.
 
-    Coulomb and viscous friction: the straight line through the knots of the curve at which the joint slides, least squares,
-    mean of both directions
+    Coulomb and viscous friction: least-squares line through the knots of the curve at which the joint slides, mean of both
+    directions
 
-A curve is no straight line, and another motion meets other parts of it. So the achieved errors of the two hold, beside those of
-the knots, the scatter of the knots about the line.
+A curve is not a straight line, and another motion covers other parts of it. The achieved errors of Coulomb and viscous
+friction therefore include the scatter of the knots about the line, beside the errors of the knots.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from backdrive.logs.log import Log
 from backdrive.plans.arm import ArmPlan
 from backdrive.robot import PARAMETERS, PER_LINK, Robot
 
-RATE = 100.0  # of the motion that is looked at [Hz]
-TOLD = 0.5  # a parameter is hardly identifiable if noise makes less than this share of its variance, and priors make the rest [-]
-LINE = ("coulomb", "viscous", "offset", "inertia")  # what is reported of a joint
+RATE = 100.0  # sampling rate of a planned motion [Hz]
+TOLD = 0.5  # share of a parameter's variance due to noise, below which priors determine the parameter [-]
+LINE = ("coulomb", "viscous", "offset", "inertia")  # reported parameters of a joint
 UNITS = ("kg", *["kg.m"] * 3, *["kg.m^2"] * 6)
 
 
@@ -37,13 +37,13 @@ class StandardError:
     """The standard error of one parameter.
 
     Attributes:
-        name: `coulomb`, `viscous`, `offset`, `inertia` of the motor, or a base parameter of the joint's link: `mx` and what
-            moves with it.
-        joint: whose it is.
+        name: `coulomb`, `viscous`, `offset`, `inertia` of the motor, or a base parameter of the joint's link, such as `mx`
+            with the parameters grouped with it.
+        joint: name of the joint.
         unit: of the parameter.
-        expected: standard error by the motion and the noise; None: not computed.
-        achieved: as the fit states it; None: nothing was fitted.
-        shows: whether the error comes from the noise; False if it comes from the prior, because the motion does not determine
+        expected: standard error from motion and noise; None: not computed.
+        achieved: standard error of the fit; None: nothing was fitted.
+        shows: True if the error comes mainly from noise; False if it comes from priors, since the motion hardly determines
             the parameter.
     """
 
@@ -56,15 +56,15 @@ class StandardError:
 
     @property
     def of_friction(self) -> bool:
-        """Whether it is Coulomb or viscous friction."""
+        """Whether the parameter is Coulomb or viscous friction."""
         return self.name in ("coulomb", "viscous")
 
 
 def signals_of(plan: ArmPlan, robot: Robot) -> ArmSignals:
-    """Return the motion of a plan as a fit takes it, without torque, joints in the robot's order.
+    """Return the motion of a plan as signals without torque, with joints in the robot's order.
 
     Raises:
-        InvalidInput: the plan is not of all the robot's joints.
+        InvalidInput: the joints of plan and robot differ.
     """
     if set(plan.joints) != set(robot.joints):
         raise InvalidInput(
@@ -94,14 +94,14 @@ def forecast_errors(
     friction: np.ndarray,
     terms: Sequence[Terms] | None = None,
 ) -> list[StandardError]:
-    """Return the standard error to be expected of every parameter.
+    """Return the expected standard error of every parameter.
 
     Args:
-        signals: of the motion; where they have no torque, the description's is taken.
+        signals: of the motion; without torque, that of the description is used.
         robot: the description.
         noise: expected torque residual below 5 Hz [N.m or N], (J,).
         friction: approximate friction [N.m or N], (J,).
-        terms: of every joint; None: by the speeds of the motion.
+        terms: of every joint; None: from the speeds of the motion.
     """
     own = terms or terms_along(signals, len(robot.joints))
     moved = [s if np.any(s.torque) else _with_torque(s, robot, friction) for s in signals]
@@ -116,13 +116,13 @@ def forecast_errors(
 
 
 def _with_torque(s: ArmSignals, robot: Robot, friction: np.ndarray) -> ArmSignals:
-    """Return a planned motion with the torque that it takes by the description."""
+    """Return a planned motion with the torque that it requires according to the description."""
     torque = robot.inverse_dynamics(s.position, s.velocity, s.acceleration) + friction * np.sign(s.velocity)
     return replace(s, torque=torque)
 
 
 def terms_along(signals: Sequence[ArmSignals], J: int) -> list[Terms]:
-    """Return every joint's terms by the speeds that it runs at in what is fitted."""
+    """Return every joint's terms, from its speeds in the fitted samples."""
     top = np.max([np.quantile(np.abs(s.velocity), 0.999, axis=0) for s in signals], axis=0)
     moves = [~resting(s.velocity, top, s.rate) & s.fitted[:, None] for s in signals]
     speeds = [
@@ -139,21 +139,21 @@ def compare_errors(
     terms: Sequence[Terms],
     solution: Solution,
 ) -> list[StandardError]:
-    """Return expected beside achieved standard errors of a fit.
+    """Return expected and achieved standard errors of a fit.
 
-    Expected errors use motion and noise of the log's plan. Without a plan they use the log's motion and the residual of the
-    fit, taken as white noise.
+    Expected errors use motion and noise of the plans. If a log has no plan of the arm, they use the logs' motion and the
+    residual of the fit, taken as white noise.
 
     Args:
-        logs: that were fitted, linked to their plans where they have them.
-        signals: of them.
+        logs: fitted logs, linked to their plans if they have any.
+        signals: of these logs.
         robot: the description.
         terms: of the fit.
         solution: the fit.
     """
     noise, motion = solution.noise, list(signals)
     plans = [log.plan for log in logs]
-    coupled = any(s.coupling is not None for s in signals)  # a plan knows the joints, and not the motors
+    coupled = any(s.coupling is not None for s in signals)  # a plan describes joints, not motors
     of_arm = all(isinstance(p, ArmPlan) and p.noise and set(p.joints) == set(robot.joints) for p in plans)
     if of_arm and not coupled:
         motion = [signals_of(p, robot) for p in plans]
@@ -171,12 +171,12 @@ def compare_errors(
 
 
 def _lack_of_fit(t: Terms, own: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """Return what the variances of Coulomb and viscous friction gain as the curve is no straight line, (2,).
+    """Return the additional variances of Coulomb and viscous friction if the curve is not a straight line, (2,).
 
     Args:
         t: terms of a joint.
-        own: its coefficients, (2 k + 3,).
-        covariance: of these, (2 k + 3, 2 k + 3).
+        own: coefficients of the joint, (2 k + 3,).
+        covariance: of these coefficients, (2 k + 3, 2 k + 3).
     """
     slides, k = t.sliding, t.knots.size
     left = np.count_nonzero(slides) - 2
@@ -192,7 +192,7 @@ def _lack_of_fit(t: Terms, own: np.ndarray, covariance: np.ndarray) -> np.ndarra
 
 
 def _combinations(robot: Robot, terms: Sequence[Terms]) -> tuple[np.ndarray, list[dict[str, Any]]]:
-    """Return the combinations of coefficients that are reported, (k, p), and what they are."""
+    """Return the reported combinations of coefficients, (k, p), and their names, joints and units."""
     columns = robot.base.columns
     first = columns.size + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)
     rows, names = [], []

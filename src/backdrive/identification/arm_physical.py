@@ -21,20 +21,20 @@ from scipy.special import chdtri
 from backdrive.identification.pseudo_inertia import BASIS, pseudo_inertia
 from backdrive.robot import PER_LINK, Robot
 
-LEAST = 1e-7  # eigenvalue of a pseudo-inertia by the arm's mass and length that a body has at least [-]
-TIGHTER = 10.0  # the search for a beginning weighs s so much more from round to round
-ROUNDS, STEPS = 14, 60  # of it; of Newton's method
-SETTLED = 1e-9  # square of Newton's decrement that ends it
-WEIGHTS = 10.0 ** np.arange(6.0, -4.0, -1.0)  # mu, from round to round
-NEAR = 1e-3  # of the search for a beginning: keeps what the base parameters leave free near where it was [-]
+LEAST = 1e-7  # least eigenvalue of a body's pseudo-inertia, in units of the arm's mass and length [-]
+TIGHTER = 10.0  # factor on the weight of s in each round of the search for a starting point [-]
+ROUNDS, STEPS = 14, 60  # most rounds of the search for a starting point, and most steps of Newton's method
+SETTLED = 1e-9  # squared Newton decrement below which a minimisation ends
+WEIGHTS = 10.0 ** np.arange(6.0, -4.0, -1.0)  # values of mu, one per round
+NEAR = 1e-3  # weight that keeps undetermined parameters near their initial values in the first search [-]
 
 
 def possible(theta: np.ndarray, spread: np.ndarray) -> np.ndarray:
-    """Return which links a body can have, (J,).
+    """Return a mask of the links whose parameters are physically consistent, (J,).
 
     Args:
         theta: standard parameters [kg, kg.m, kg.m^2], (10 J,).
-        spread: scale of each in its unit, (10 J,).
+        spread: scale of each parameter in its unit, (10 J,).
     """
     return np.linalg.eigvalsh(_matrices(theta, spread))[:, 0] > 0.5 * LEAST
 
@@ -42,25 +42,27 @@ def possible(theta: np.ndarray, spread: np.ndarray) -> np.ndarray:
 def standard_parameters(
     robot: Robot, beta: np.ndarray, spread: np.ndarray, covariance: np.ndarray
 ) -> tuple[np.ndarray, float]:
-    """Return standard parameters with these base parameters, physically consistent if such parameters exist.
+    """Return standard parameters with given base parameters, physically consistent if such parameters exist.
 
     Args:
-        robot: the description, whose bodies the parameters shall be near.
+        robot: the description; the result is as near to its bodies as possible.
         beta: base parameters, (b,).
-        spread: how far each standard parameter may be expected to be off, in its unit, (10 J,).
+        spread: expected deviation of each standard parameter from the description, in its unit, (10 J,).
         covariance: of the base parameters, (b, b).
 
     Returns:
-        theta, (10 J,), and the squared distance of its base parameters from beta, divided by that which holds 95 % of all
-        errors [-]. This number is 0, and relation @ theta = beta, if physical bodies have these base parameters. Above 1,
-        errors do not explain the inconsistency; theta is then the least-squares one nearest to the description, with
+        theta, (10 J,), and the squared distance of its base parameters from beta, divided by the distance that contains 95 %
+        of all errors [-]. The distance is 0, and relation @ theta = beta, if physical bodies have these base parameters. Above
+        1, errors do not explain the inconsistency; theta is then the least-squares solution nearest to the description, with
         relation @ theta = beta.
     """
     nearest = robot.base.standard(beta, robot.parameters, spread)
     if possible(nearest, spread).all():
         return nearest, 0.0
     _, size, rows = np.linalg.svd(robot.base.relation * spread)
-    free = rows[np.count_nonzero(size > 1e-12 * size[0]) :].T  # directions that no torque tells, (10 J, d)
+    free = rows[
+        np.count_nonzero(size > 1e-12 * size[0]) :
+    ].T  # directions without effect on the torque, (10 J, d)
     wanted = np.linalg.inv(_matrices(robot.parameters, spread) + LEAST * np.eye(4))
     begin, slopes = _matrices(nearest, spread), _slopes(free)
     x = _interior(begin, slopes)
@@ -76,20 +78,20 @@ def standard_parameters(
 def _nearest_possible(
     relation: np.ndarray, beta: np.ndarray, covariance: np.ndarray, wanted: np.ndarray
 ) -> np.ndarray:
-    """Return the possible parameters [spread] whose base parameters are nearest to `beta`, (10 J,)."""
+    """Return the physically consistent parameters [spread] with base parameters nearest to `beta`, (10 J,)."""
     J = len(wanted)
     slopes = _slopes(np.eye(PER_LINK * J))
     both = relation.T @ np.linalg.solve(covariance, np.column_stack([relation, -beta]))
     pull, cost = both[:, :-1], both[:, -1]
     divergence = np.einsum("kij,kdji->d", wanted, slopes)
-    x = np.tile([1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 2.0, 0.0, 0.0, 2.0], J) / J  # all P_k alike
+    x = np.tile([1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 2.0, 0.0, 0.0, 2.0], J) / J  # all P_k are equal
     for mu in WEIGHTS:
         x = _newton(x, np.zeros((J, 4, 4)), slopes, cost / mu + divergence, pull / mu)
     return x
 
 
 def _slopes(directions: np.ndarray) -> np.ndarray:
-    """Return what each direction of the parameters [spread], (10 J, d), adds to the links' matrices, (J, d, 4, 4)."""
+    """Return the derivatives of the links' matrices, (J, d, 4, 4), along directions of the parameters [spread], (10 J, d)."""
     return np.einsum("kpd,pij->kdij", directions.reshape(-1, PER_LINK, directions.shape[1]), BASIS)
 
 
@@ -99,11 +101,11 @@ def _matrices(theta: np.ndarray, spread: np.ndarray) -> np.ndarray:
 
 
 def _interior(begin: np.ndarray, slopes: np.ndarray) -> np.ndarray | None:
-    """Return x at which all begin + sum_d x_d slopes_d are positive definite by a margin, (d,); None where none is.
+    """Return x at which all begin + sum_d x_d slopes_d are positive definite with a margin, (d,); None if there is none.
 
     Args:
         begin: matrices at x = 0, (J, 4, 4).
-        slopes: (J, d, 4, 4).
+        slopes: derivatives with respect to x, (J, d, 4, 4).
     """
     J, d = slopes.shape[:2]
     down = np.broadcast_to(-np.eye(4), (J, 1, 4, 4))
@@ -129,11 +131,11 @@ def _newton(
     """Return the minimiser of cost'x + x'(pull)x/2 - sum_k log det P_k(x) by damped Newton steps, (d,).
 
     Args:
-        x: where all P_k are positive definite, (d,).
+        x: starting point at which all P_k are positive definite, (d,).
         begin: P_k at x = 0, (J, 4, 4).
         slopes: derivatives of P_k, (J, d, 4, 4).
-        cost: linear, (d,).
-        pull: quadratic, (d, d).
+        cost: linear coefficients, (d,).
+        pull: quadratic coefficients, (d, d).
     """
     pull = np.zeros((x.size, x.size)) + pull
     for _ in range(STEPS):
@@ -144,7 +146,7 @@ def _newton(
         scale = np.sqrt(np.diag(bend)) + 1e-300
         step = -np.linalg.lstsq(bend / np.outer(scale, scale), slope / scale, rcond=1e-15)[0] / scale
         decrement = max(float(-slope @ step), 0.0)
-        size = 1.0 / (1.0 + np.sqrt(decrement))  # which leaves no matrix indefinite (self-concordance)
+        size = 1.0 / (1.0 + np.sqrt(decrement))  # keeps all matrices positive definite (self-concordance)
         x = x + (step if decrement < 0.05 else size * step)
         if decrement < SETTLED:
             break

@@ -16,12 +16,12 @@ from backdrive.logs.log import Log
 from backdrive.model import ArmModel, FrictionModel, JointFriction, Quality
 from backdrive.robot import Robot, load_robot
 
-#: Terms that the model of an arm has of every joint.
+#: Terms that an arm's model contains for every joint.
 DYNAMICS = ("inertia", "offset", "transition")
 
 
 def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.ndarray:
-    """Return the torque that the model expects for a log's motion.
+    """Return the torque that the model predicts for a log's motion.
 
     Args:
         model: of a whole arm.
@@ -52,13 +52,13 @@ def predict_arm(model: FrictionModel, log: Log, urdf: str | Path | Robot) -> np.
 def validate_arm(
     model: FrictionModel, logs: Sequence[Log], urdf: str | Path | Robot, remarks: list[str] | None = None
 ) -> dict[str, Quality]:
-    """Return how well the model explains each joint's torque over all logs, rests included.
+    """Return the quality of the predicted torque of each joint over all logs, rests included.
 
     Args:
         model: of a whole arm.
         logs: with position and torque of all its joints.
         urdf: the description that the model was identified with.
-        remarks: list that sentences are added to: which joints the logs move outside the model's validity range.
+        remarks: list to which a sentence is added for every joint that moves outside the model's validity range.
 
     Raises:
         InvalidInput: the model is not of an arm, or belongs to another description.
@@ -83,7 +83,7 @@ def validate_arm(
 
 
 def arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Robot]:
-    """Return the rigid bodies of a model and the robot that they are of.
+    """Return the rigid bodies of a model and the robot that they belong to.
 
     Raises:
         InvalidInput: the model is not of an arm, or belongs to another description.
@@ -98,12 +98,12 @@ def arm_of(model: FrictionModel, urdf: str | Path | Robot) -> tuple[ArmModel, Ro
 
 
 def coupling_of_model(model: FrictionModel, robot: Robot) -> np.ndarray | None:
-    """Return C of q_joint = C q_motor that the model holds, in the robot's order, (J, J), or None."""
+    """Return the model's C of q_joint = C q_motor, in the robot's order, (J, J), or None."""
     return robot.coupling_of(model.coupling, model.coupled or model.names)
 
 
 def slip_in(model: FrictionModel) -> float:
-    """Return how late the torque of an arm's logs is by its model [s]; it is one for all joints."""
+    """Return the delay of the torque in an arm's model [s], which is common to all joints."""
     dynamics = model.joints[0].dynamics
     return float(dynamics["time_slip"].value) if "time_slip" in dynamics else 0.0
 
@@ -111,10 +111,10 @@ def slip_in(model: FrictionModel) -> float:
 def torque_parts(
     s: ArmSignals, robot: Robot, arm: ArmModel, frictions: Sequence[JointFriction]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the predicted torque along a stretch, and its part that is not the friction curve, each (n, J).
+    """Return the predicted torque along a stretch, and its part without the friction curve, each (n, J).
 
     If motors drive several joints, both are torques of the motors. A joint's load is the torque that moves and holds the bodies.
-    The growth of friction with this load does not belong to the curve.
+    The growth of friction with this load is not part of the curve.
     """
     bodies = Regressor(robot, [s]).bodies(0, robot.base.relation @ np.array(arm.parameters))
     rest, curve = np.empty_like(bodies), np.empty_like(bodies)
@@ -140,6 +140,6 @@ def assess_joint(
     j: int,
     which: Callable[[ArmSignals], np.ndarray],
 ) -> Quality | None:
-    """Return how well one joint is explained over the samples that `which` picks; None where it picks none."""
+    """Return the quality of one joint's prediction over the samples that `which` selects; None if it selects none."""
     pairs = [(s.torque[:, j], p[:, j], s.rate, which(s)) for s, p, _ in everything if which(s).any()]
     return judge(pairs) if pairs else None

@@ -15,33 +15,33 @@ from backdrive.logs.joint import coupling_between
 from backdrive.logs.log import Log
 from backdrive.robot import Robot
 
-MOTION_CUTOFF = 20.0  # low pass of the position before it is differentiated [Hz]
-WORK_RATE = 125.0  # signals are thinned to at most this, well above the cut-off [Hz]
-SHORTEST_TIME = 1.0  # a stretch between gaps that is shorter is left out [s]
-REST = 0.01  # below this share of its top speed a joint is taken to rest [-]
-REST_TIME = 0.2  # when it does so for longer than this [s]
-SETTLE = 0.1  # margin about a rest in which the filtered torque is still affected [s]
-BLOCKS = 8  # a log without a held-out companion is parted into so many blocks ...
-EVERY = 4  # ... of which the last of every four is held out
-SEAM = 0.5  # neither side of a block's border is fitted for this long, as filters look across it [s]
+MOTION_CUTOFF = 20.0  # cutoff frequency of the position's low pass before differentiation [Hz]
+WORK_RATE = 125.0  # largest sampling rate after thinning, well above the cutoff frequency [Hz]
+SHORTEST_TIME = 1.0  # length below which a stretch between gaps is left out [s]
+REST = 0.01  # share of the top speed below which a joint may be at rest [-]
+REST_TIME = 0.2  # least length of a rest [s]
+SETTLE = 0.1  # margin about a rest in which the filter affects the torque [s]
+BLOCKS = 8  # number of blocks of the logs if none is held out
+EVERY = 4  # the last of this many blocks is held out
+SEAM = 0.5  # margin on both sides of a held-out block that is not fitted, since filters mix samples there [s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmSignals:
     """Motion and torque of all joints between two gaps, in the robot's order.
 
-    Where motors drive several joints, velocity, acceleration and torque are those of the motors, at which friction acts and
-    inertia is added; elsewhere they are the joints'.
+    If motors drive several joints, velocity, acceleration and torque are those of the motors, on which friction and motor
+    inertia act. Otherwise they are those of the joints.
 
     Attributes:
         time: uniform instants [s], (n,).
         position: of the joints, low-passed [rad or m], (n, J).
         velocity: [rad/s or m/s], (n, J).
         acceleration: [rad/s^2 or m/s^2], (n, J).
-        torque: actuator plus external torque, low-passed only as the thinning asks for [N.m or N], (n, J).
+        torque: actuator plus external torque, low-passed only for the thinning [N.m or N], (n, J).
         rate: sampling frequency [Hz].
-        fitted: samples that the fit sees, (n,).
-        held_out: samples that it is judged on as unseen, (n,); never both.
+        fitted: mask of the fitted samples, (n,).
+        held_out: mask of the held-out samples, (n,); no sample is in both masks.
         coupling: C of q_joint = C q_motor, in the robot's order, (J, J); None: each motor drives its joint.
     """
 
@@ -56,13 +56,13 @@ class ArmSignals:
     coupling: np.ndarray | None = None
 
     def shift(self, delay: float) -> ArmSignals:
-        """Return signals whose torque is that of some time later [s], where a log holds it so late."""
+        """Return signals with the torque shifted earlier by a delay [s], to compensate the delay in a log."""
         if delay == 0.0:
             return self
         return replace(self, torque=np.ascontiguousarray(earlier(self.torque.T, -delay * self.rate).T))
 
     def at_motors(self, coupling: np.ndarray) -> ArmSignals:
-        """Return signals of joints with velocity, acceleration and torque brought to the motors that drive them."""
+        """Return signals with velocity, acceleration and torque converted from joints to motors."""
         back = np.linalg.inv(coupling).T
         return replace(
             self,
@@ -76,13 +76,13 @@ class ArmSignals:
 def prepare_arm(
     log: Log, robot: Robot, *, cutoff: float = MOTION_CUTOFF, coupling: np.ndarray | None = None
 ) -> list[ArmSignals]:
-    """Return the gap-free stretches of a log, all to be fitted.
+    """Return the gap-free stretches of a log, with all samples marked as fitted.
 
     Args:
         log: with position and torque of all the robot's joints, matched by name.
         robot: the description.
         cutoff: low pass of the position before differentiation [Hz].
-        coupling: in the robot's order, (J, J), for a log that states none.
+        coupling: coupling matrix in the robot's order, (J, J), for a log without one.
 
     Raises:
         InvalidInput: a channel or joint is missing, not finite or in another unit.
@@ -120,7 +120,7 @@ def prepare_arm(
 
 
 def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: float) -> ArmSignals:
-    """Bring one stretch onto a uniform, thinned clock; joint by joint, as an hour of seven joints is large."""
+    """Return one stretch on a uniform, thinned clock, processed joint by joint to limit memory."""
     from scipy.interpolate import CubicSpline
 
     time = log.time[rows]
@@ -140,7 +140,7 @@ def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: fl
         if log.external_torque is not None:
             tau = tau + log.external_torque[rows, column]
         if not even:
-            # smoothly: straight lines between jittered samples would show as acceleration
+            # a spline, since linear interpolation between jittered samples would cause accelerations
             q = CubicSpline(time, q)(np.clip(clock, time[0], time[-1]))
             tau = np.interp(clock, time, tau)
         smooth = filters.low_pass(q, cutoff, rate)
@@ -161,12 +161,12 @@ def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: fl
 
 
 def hold_out_all(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:
-    """Return the stretches of a held-out log: nothing fitted, everything judged."""
+    """Return the stretches of a held-out log, with no sample fitted and all samples held out."""
     return [replace(s, fitted=np.zeros_like(s.fitted), held_out=np.ones_like(s.held_out)) for s in stretches]
 
 
 def hold_out_blocks(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:
-    """Return the stretches with a quarter of their samples held out, in contiguous blocks with seams between."""
+    """Return the stretches with a quarter of the samples held out, in contiguous blocks with margins around them."""
     total = sum(s.time.size for s in stretches)
     result, first = [], 0
     for s in stretches:
@@ -181,7 +181,7 @@ def hold_out_blocks(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:
 
 
 def resting(velocity: np.ndarray, top: np.ndarray, rate: float) -> np.ndarray:
-    """Mark where joints rest so long that their friction is undetermined, with a margin for the filter, (n, J).
+    """Return a mask of long rests, in which friction is undetermined, with a margin for the filter, (n, J).
 
     Args:
         velocity: [rad/s or m/s], (n, J).
@@ -192,6 +192,6 @@ def resting(velocity: np.ndarray, top: np.ndarray, rate: float) -> np.ndarray:
 
     slow = np.abs(velocity) < REST * top
     length, margin = max(round(REST_TIME * rate), 1), max(round(SETTLE * rate), 1)
-    padded = np.pad(slow, ((length, length), (0, 0)), mode="edge")  # a rest may go on beyond the stretch
+    padded = np.pad(slow, ((length, length), (0, 0)), mode="edge")  # a rest may continue beyond the stretch
     still = binary_opening(padded, structure=np.ones((length, 1)))[length:-length]
     return binary_dilation(still, structure=np.ones((2 * margin + 1, 1)))

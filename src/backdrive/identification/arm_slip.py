@@ -2,11 +2,11 @@
 
     tau(t) = bodies(t - d) + rest  ~  bodies - d bodies' + rest
 
-The bodies' torque determines d while a joint slides. Friction does not: it lags by itself after reversals. For each joint,
-the part explained by its own columns is removed from the logged torque and from the derivative of the bodies' torque (Frisch,
-Waugh, Lovell). The remainders give d by joint, and a mean weighted by the noise. Its standard error is the larger of the
-scatter between blocks of time and the scatter between joints. On arms with gears this is some milliseconds, so that a filter
-of the torque is detected, but seldom a delay of one sample. The torque is shifted by d, repeatedly, until no delay remains.
+The bodies' torque determines d while a joint slides. Friction does not, since it lags after reversals even if d is zero. Each
+joint's own columns are regressed out of the logged torque and of the derivative of the bodies' torque (Frisch, Waugh, Lovell).
+The remainders give d for each joint, and a mean weighted by the noise. Its standard error is the larger of the scatter between
+blocks of time and the scatter between joints. On arms with gears this is some milliseconds. A filter of the torque is thus
+detected, but seldom a delay of one sample. The torque is shifted by d repeatedly, until no delay remains.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ from backdrive.identification.arm_terms import Regressor, Rows, Terms, build, st
 from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.logs.filters import derivative, low_pass
 
-ROUNDS = 4  # of shifting
-SURE = 4.0  # standard errors from which on a delay is taken [-]
-LONGEST = 0.05  # delay that is sought [s]
-EXACT = 5e-3  # standard error up to which it is known [s]
-FEWEST = 3  # least number of joints whose bodies determine it
-RIDGE = 1e-6  # of a joint's own columns at unit length, which are many
-SLOW, SETTLE = 0.05, 0.3  # share of the top speed below which, and time [s] around which, friction may lag
-TELLS = 1e-3  # least share of the bodies' change that the other columns do not explain [-]
+ROUNDS = 4  # largest number of shifts of the torque
+SURE = 4.0  # least significance of a delay [standard error]
+LONGEST = 0.05  # longest delay of the search [s]
+EXACT = 5e-3  # largest standard error of a known delay [s]
+FEWEST = 3  # least number of joints whose bodies' torque determines the delay
+RIDGE = 1e-6  # ridge weight in the regression on a joint's own columns of unit length [-]
+# share of the top speed below which friction may lag [-], and margin in time about such slow samples [s]
+SLOW, SETTLE = 0.05, 0.3
+TELLS = 1e-3  # least part of the derivative of the bodies' torque that the other columns do not explain [-]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArmSlip:
-    """A delay.
+    """A delay of the torque.
 
     Attributes:
-        delay: of the torque behind the motion [s]; negative where the log holds torque before it acts.
+        delay: of the torque behind the motion [s]; negative if the log holds torque before it acts.
         error: its standard error [s].
     """
 
@@ -53,7 +54,7 @@ class ArmSlip:
 
 
 def seek_slip(regressor: Regressor, terms: Sequence[Terms], beta: np.ndarray) -> ArmSlip | None:
-    """Return the delay that the bodies' torque determines; None if it does so for fewer than three joints.
+    """Return the delay determined by the bodies' torque; None if fewer than three joints determine it.
 
     Args:
         regressor: of the stretches.
@@ -81,19 +82,19 @@ def seek_slip(regressor: Regressor, terms: Sequence[Terms], beta: np.ndarray) ->
 
 
 def _slides(s: ArmSignals, terms: Sequence[Terms]) -> np.ndarray:
-    """Return where each joint slides one way, and has for a while, (n, J)."""
+    """Return a mask of samples away from slow motion, at which each joint slides steadily in one direction, (n, J)."""
     slow = np.abs(s.velocity) < SLOW * np.array([t.top for t in terms])
     around = round(SETTLE * s.rate)
     return np.logical_not(binary_dilation(slow, structure=np.ones((2 * around + 1, 1))))
 
 
 def slip_of(rows: Rows, change: np.ndarray, block: np.ndarray) -> ArmSlip | None:
-    """Return the delay that is left in the torque of rows, to first order.
+    """Return the remaining delay of the torque in the rows, to first order.
 
     Args:
         rows: of all joints.
-        change: derivative of the bodies' torque, as the rows are filtered [N.m/s or N/s], (N, J).
-        block: of each row, (N,).
+        change: derivative of the bodies' torque, filtered like the rows [N.m/s or N/s], (N, J).
+        block: number of the block of each row, (N,).
     """
     each, power, scores = [], [], []
     for j, friction in enumerate(rows.friction):

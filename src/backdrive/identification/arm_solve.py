@@ -1,9 +1,10 @@
-"""Weighted, bounded, robust least squares for a whole arm, with weak priors and honest standard errors.
+"""Weighted, bounded, robust least squares for a whole arm, with weak priors and standard errors from left-out blocks.
 
-Coefficients: the base parameters of the bodies, then every joint's own terms. Joints share the bodies, so each is weighted
-by its noise. Wide priors hold what the motion does not determine: bodies near the description, curves smooth and nearly equal
-in both directions. Except at reversals, a constant difference between the directions cannot be separated from a torque
-offset. By convention it counts as offset: averaged over the knots at which the joint slides, a curve is equal in both directions.
+The coefficients are the base parameters of the bodies, followed by every joint's own terms. Joints share the bodies, so each
+joint is weighted by its noise. Wide priors determine what the motion does not: bodies near the description, curves smooth and
+nearly equal in both directions. Except at reversals, a constant difference between the directions cannot be separated from a
+torque offset. By convention it counts as offset: averaged over the knots at which the joint slides, a curve is equal in both
+directions.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from backdrive.identification.arm_terms import Rows, Terms
 from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.robot import Robot
 
-ROUNDS = 12  # of reweighting and of the load, at most
-SETTLED = 1e-4  # the rounds end when torque changes by less than this share of its noise [-]
-WILD = 2.0  # residuals beyond so many standard deviations count less (Huber)
-ROUGH = 0.3  # expected bend of a friction curve, as a share of the joint's torque [-]
-UNLIKE = 0.05  # expected difference of the two directions [the same]
-LEVEL = 3.0  # expected friction [the same]
-LOAD = 0.3  # expected load friction [-]
-STRONG = 1e4  # weight of a convention relative to the data [-]
-NONE = 1e-12  # stands for zero where a bound above zero is needed
-MEMORY = 2.0  # residuals are taken to be correlated over this long [s]
+ROUNDS = 12  # largest number of iterations of weights and load
+SETTLED = 1e-4  # change of the torque below which the iterations end, relative to its noise [-]
+WILD = 2.0  # residuals above this size get less weight (Huber) [standard deviation]
+ROUGH = 0.3  # prior standard deviation of a curve's bend, relative to the joint's RMS torque [-]
+UNLIKE = 0.05  # prior standard deviation of the directions' difference, relative to the RMS torque [-]
+LEVEL = 3.0  # prior standard deviation of the friction, relative to the joint's RMS torque [-]
+LOAD = 0.3  # prior standard deviation of the load friction [-]
+STRONG = 1e4  # weight of the convention on the offset, relative to the data [-]
+NONE = 1e-12  # replaces an upper bound of zero, which must be positive
+MEMORY = 2.0  # longest correlation of the residuals [s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,13 +39,13 @@ class Solution:
     Attributes:
         beta: base parameters [kg, kg.m, kg.m^2], (b,).
         own: coefficients of each joint's terms, J arrays (2 k + 3,).
-        errors: their standard errors in the same order, at a bound as if it were let go, J arrays.
-        pushed: how far the free estimate lies below a lower bound [standard error]; 0 for free coefficients,
-            J arrays (2 k + 3,).
+        errors: standard errors of `own`, J arrays; those of coefficients at a bound are as if they were freed.
+        pushed: distance of the free estimate below a lower bound [standard error], 0 for free coefficients, J arrays
+            (2 k + 3,).
         told: share of each base parameter's prior variance that the data removed [-], (b,).
         condition: of the rigid-body columns at unit length [-].
-        joint: covariance of all coefficients, bodies first, zero for what is at a bound, (p, p).
-        noise: of the filtered torque [N.m or N], (J,).
+        joint: covariance of all coefficients, bodies first, zero for those at a bound, (p, p).
+        noise: standard deviation of the filtered torque's noise [N.m or N], (J,).
     """
 
     beta: np.ndarray
@@ -58,7 +59,7 @@ class Solution:
 
     @property
     def first(self) -> np.ndarray:
-        """Where each joint's own coefficients begin among all, and where the last ones end, (J + 1,)."""
+        """Index of each joint's first own coefficient among all, and the number of all, (J + 1,)."""
         return self.beta.size + np.concatenate([[0], np.cumsum([own.size for own in self.own])]).astype(int)
 
     @property
@@ -68,18 +69,18 @@ class Solution:
 
     @property
     def level(self) -> np.ndarray:
-        """Covariance of the base parameters and, after them, of the joints' offsets, (b + J, b + J)."""
+        """Covariance of the base parameters, followed by the joints' offsets, (b + J, b + J)."""
         offsets = np.r_[: self.beta.size, self.first[1:] - 3]
         return self.joint[np.ix_(offsets, offsets)]
 
     @property
     def everything(self) -> np.ndarray:
-        """Covariance of all coefficients, bodies first, at a bound as if let go alone, (p, p)."""
+        """Covariance of all coefficients, bodies first, (p, p); each one at a bound is treated as if it alone were freed."""
         variances = np.concatenate([np.zeros(self.beta.size), *(e**2 for e in self.errors)])
         return self.joint + np.diag(np.where(np.diag(self.joint) > 0.0, 0.0, variances))
 
     def covariance(self, j: int) -> np.ndarray:
-        """Return that of a joint's own coefficients, (2 k + 3, 2 k + 3)."""
+        """Return the covariance of a joint's own coefficients, (2 k + 3, 2 k + 3)."""
         own = slice(*self.first[j : j + 2])
         return self.joint[own, own]
 
@@ -96,9 +97,9 @@ class Solution:
 
 
 def spread_of(robot: Robot) -> np.ndarray:
-    """Return how far each standard parameter may be expected from the description's, (10 J,).
+    """Return the expected deviation of each standard parameter from the description's, (10 J,).
 
-    The whole mass for a mass, times a link's length for a first moment, and once more for an inertia.
+    It is the mass of the arm for a mass, times a link's length for a first moment, times its square for an inertia.
     """
     mass = float(robot.parameters[::10].sum()) or float(len(robot.joints))
     lengths = [float(np.linalg.norm(m.translation)) for m in list(robot.model.jointPlacements)[1:]]
@@ -117,10 +118,10 @@ def solve_arm(
 
     Args:
         rows: filtered and thinned.
-        robot: whose description the bodies are expected near.
+        robot: the description, near which the bodies are expected.
         terms: of every joint.
-        refill: called with new base parameters, writes the load columns of `rows`.
-        loaded: which joints may have load friction, (J,).
+        refill: function that writes the load columns of `rows` for new base parameters.
+        loaded: mask of the joints that may have load friction, (J,).
     """
     b, J = rows.bodies.shape[2], len(terms)
     first = b + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)
@@ -161,7 +162,7 @@ def solve_arm(
 
 
 def sandwich(gram: np.ndarray, scores: np.ndarray, held: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Return the covariance of penalised least squares, zero for what is at a bound, (p, p).
+    """Return the covariance of penalised least squares, zero for coefficients at a bound, (p, p).
 
     Args:
         gram: of the weighted rows, (p, p).
@@ -178,16 +179,16 @@ def sandwich(gram: np.ndarray, scores: np.ndarray, held: np.ndarray, free: np.nd
 def expect(
     rows: Rows, robot: Robot, terms: Sequence[Terms], noise: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the covariance that a fit of these rows would state for white noise of the torque, without load friction.
+    """Return the covariance of a fit to given rows for white noise of the torque, without load friction.
 
     Args:
-        rows: filtered and thinned, with the torque that the motion takes.
+        rows: filtered and thinned, with the torque that the motion requires.
         robot: the description.
         terms: of every joint.
-        noise: of the filtered torque [N.m or N], (J,).
+        noise: standard deviation of the filtered torque's noise [N.m or N], (J,).
 
     Returns:
-        Covariance of all coefficients, (p, p); its part that the noise makes, (p, p), the rest being what priors leave open.
+        Covariance of all coefficients, (p, p), and its part due to noise, (p, p); the rest is due to the priors.
     """
     b, J = rows.bodies.shape[2], len(terms)
     first = b + np.concatenate([[0], np.cumsum([t.size for t in terms])]).astype(int)
@@ -199,7 +200,7 @@ def expect(
     free[first[1:] - 1] = False
     swell = max(
         1.0, rows.rate / (2.0 * JUDGED_BELOW)
-    )  # white noise below a corner f has 2 f independent values a second
+    )  # white noise below a corner frequency f has 2 f independent values per second
     by_noise = sandwich(gram, swell * gram - held, held, free)
     return sandwich(gram, swell * gram, held, free), by_noise
 
@@ -210,7 +211,7 @@ def _rms(x: np.ndarray, weight: np.ndarray) -> float:
 
 
 def _noise(error: np.ndarray, weight: np.ndarray, scale: float) -> float:
-    """Robust standard deviation, never below what a float64 fit can mean."""
+    """Return a robust standard deviation, at least the rounding error of a fit in float64."""
     return max(regression.robust_spread(error, weight), 1e-6 * scale) if np.any(weight > 0) else scale
 
 
@@ -224,7 +225,7 @@ def _predict(rows: Rows, first: np.ndarray, x: np.ndarray) -> np.ndarray:
 def _normal(
     rows: Rows, first: np.ndarray, weight: np.ndarray, start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the normal equations of the step away from `start`."""
+    """Return the normal equations for the deviation from `start`."""
     b = first[0]
     gram, moment = np.zeros((first[-1], first[-1])), np.zeros(first[-1])
     for j, own in enumerate(rows.friction):
@@ -238,7 +239,7 @@ def _normal(
 
 
 def _blocks(rows: Rows, first: np.ndarray, weight: np.ndarray, x: np.ndarray) -> regression.Blocks:
-    """Return the normal equations of the step away from `x` by block of time, of all joints together."""
+    """Return the normal equations for the deviation from `x` in each block of time, for all joints together."""
     block = blocks_of(len(rows.torque), rows.rate)
     parts = []
     for k in range(block[-1] + 1):
@@ -258,7 +259,7 @@ def _blocks(rows: Rows, first: np.ndarray, weight: np.ndarray, x: np.ndarray) ->
 def _prior(
     rows: Rows, robot: Robot, terms: Sequence[Terms], scale: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the expected coefficients and the precision (inverse covariance) of that expectation."""
+    """Return mean and precision (inverse covariance) of the coefficients' prior."""
     relation = robot.base.relation
     b = relation.shape[0]
     size = b + sum(t.size for t in terms)
@@ -285,7 +286,7 @@ def _prior(
 
 
 def _alike(gram: np.ndarray, first: np.ndarray, terms: Sequence[Terms]) -> np.ndarray:
-    """Return the precision that makes both directions equal on average, strong beside any data."""
+    """Return a precision, large compared with that of the data, that makes both directions equal on average."""
     precision = np.zeros_like(gram)
     for j, t in enumerate(terms):
         k = t.knots.size
@@ -298,7 +299,7 @@ def _alike(gram: np.ndarray, first: np.ndarray, terms: Sequence[Terms]) -> np.nd
 
 
 def _bounds(b: int, terms: Sequence[Terms], loaded: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Friction dissipates, a motor has inertia, and a gear loses no more than it transmits."""
+    """Return the bounds: friction dissipates, inertias are positive, and a gear loses no more than it transmits."""
     low, high = [np.full(b, -np.inf)], [np.full(b, np.inf)]
     for t, load in zip(terms, loaded, strict=True):
         own_low, own_high = np.zeros(t.size), np.full(t.size, np.inf)
@@ -325,7 +326,7 @@ def _minimise_within(gram: np.ndarray, moment: np.ndarray, low: np.ndarray, high
 
 
 def correlation_length(error: np.ndarray, rate: float) -> float:
-    """Return how many correlated residuals count as one independent (Bartlett window), at least 1."""
+    """Return the number of correlated residuals that equal one independent residual (Bartlett window), at least 1."""
     width = min(max(int(MEMORY * rate), 1), error.size - 1) + 1
     power = float(error @ error)
     return max(1.0, float(regression.long_run(error[None], width)[0, 0]) / power) if power > 0.0 else 1.0

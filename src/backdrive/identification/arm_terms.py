@@ -1,16 +1,16 @@
-"""The terms of an arm's inverse dynamics, and the rows that they give a fit.
+"""The terms of an arm's inverse dynamics, and the rows of a fit built from them.
 
     tau_j = Y_j(q, dq, ddq) theta + inertia_j ddq_j + offset_j
             + s_j (F_j(dq_j) + load_friction_j |Y_j theta|),       s_j = tanh(dq_j / transition_j)
 
-Y theta are the rigid bodies; `inertia` is what the motor adds to its own joint alone. F is the friction curve of each
-direction, line sections between knots and constant above the last one. `load_friction` is friction in proportion to the torque
-in the gear: the load-dependent loss of harmonic drives and planetary gears (Hamon, Gautier, Garrec, IROS 2010). s replaces the
-sign of the velocity, since no encoder tells the instant of a reversal. All but the load term are linear in their coefficients;
-the load is taken from the previous round of the fit.
+Y theta is the torque of the rigid bodies; `inertia` is that of the motor, which acts on its own joint alone. F is the friction
+curve of each direction, line sections between knots and constant above the last one. `load_friction` is friction proportional
+to the torque in the gear: the load-dependent loss of harmonic drives and planetary gears (Hamon, Gautier, Garrec, IROS 2010).
+The smooth sign s replaces the sign of the velocity, since no encoder resolves the instant of a reversal. All but the load term
+are linear in their coefficients; the load is taken from the previous iteration of the fit.
 
-If motors drive several joints (q = C q_motor), friction and inertia act at the motors. So tau, and dq and ddq of the last four
-terms, are those of the motors, and the torque of the bodies is C' Y theta. On the joints, the motors' inertia is a full matrix.
+If motors drive several joints (q = C q_motor), friction and inertia act at the motors. Then tau, and dq and ddq of the last
+four terms, are those of the motors. The torque of the bodies is C' Y theta. On the joints, the motors' inertia is a full matrix.
 
 Torque and all columns then pass the same zero-phase low pass ("parallel filtering", Gautier 1997), and are thinned.
 """
@@ -28,23 +28,23 @@ from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.logs.filters import low_pass
 from backdrive.robot import Robot
 
-KNOTS = 8  # of a friction curve in each direction, the one at zero included
-DENSER = 1.3  # quantiles of speed are raised to this power: knots lie closer near zero [-]
-TOP_KNOT = 0.99  # quantile of speed above which the curve is held constant [-]
-APART = 0.01  # knots are at least this share of the top speed apart [-]
-CREEP = 0.05  # share of the top speed below which a knot is of reversals more than of sliding [-]
-TRANSITION = 0.002  # share of the top speed within which the sign of the velocity is smooth [-]
-ROW_RATE = 4.0  # rows a second, times the low pass's corner [-]
-MOST_ROWS = 25_000  # an hour has no more rows than this
-EDGE = 0.25  # a stretch's ends are not fitted for this long, as the filter has seen only one side [s]
-CHUNK = 15_000  # samples whose regressor is held at a time
-PAD = 2.0  # that overlap on both sides, so that the filter has settled [s]
-KEEP = 100_000_000  # bytes of regressor that may be kept from round to round
+KNOTS = 8  # largest number of knots of a friction curve in each direction, the one at zero included
+DENSER = 1.3  # exponent of the speed quantiles at the knots; above 1, knots lie closer near zero [-]
+TOP_KNOT = 0.99  # quantile of speed above which the curve is constant [-]
+APART = 0.01  # least distance of knots, relative to the top speed [-]
+CREEP = 0.05  # share of the top speed below which reversals dominate the friction at a knot [-]
+TRANSITION = 0.002  # transition speed of the smooth sign, relative to the top speed [-]
+ROW_RATE = 4.0  # rate of the rows, relative to the low pass's cutoff frequency [-]
+MOST_ROWS = 25_000  # largest number of rows
+EDGE = 0.25  # length of a stretch's ends that are not fitted, since the filter sees only one side there [s]
+CHUNK = 15_000  # number of samples per chunk of the regressor
+PAD = 2.0  # overlap of a chunk on both sides, in which the filter settles [s]
+KEEP = 100_000_000  # largest memory of stored regressors [byte]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """What the friction columns of one joint are made of.
+    """The parameters of one joint's friction columns.
 
     Attributes:
         knots: speeds of the curve's knots, the first at zero [rad/s or m/s], (k,).
@@ -63,10 +63,10 @@ class Terms:
 
     @property
     def sliding(self) -> np.ndarray:
-        """Mark the knots at which the joint slides, (k,); all of them where fewer than two lie so high.
+        """Return a mask of the knots at which the joint slides, (k,); all knots if fewer than two lie above `CREEP`.
 
-        Below, friction that builds up over a distance after each reversal, and the unknown instant of the reversal, make what
-        the fit finds; it may be zero there.
+        At lower knots, friction that builds up after a reversal and the unknown instant of the reversal determine the result.
+        It may be zero there.
         """
         fast = self.knots >= CREEP * self.top
         return fast if np.count_nonzero(fast) >= 2 else np.ones_like(fast)
@@ -89,7 +89,7 @@ class Terms:
 
 
 def terms_of(speed: np.ndarray) -> Terms:
-    """Place the knots of a joint's curve by the speeds that it ran at.
+    """Return the terms of a joint, with knots at quantiles of its speed.
 
     Args:
         speed: absolute velocities while moving [rad/s or m/s], (n,); empty for a joint that never moved.
@@ -114,7 +114,7 @@ class Rows:
         friction: columns of each joint's own terms, J arrays (N, 2 k + 3).
         torque: [N.m or N], (N, J).
         weight: 1 where a row may be fitted, 0 where the joint rests or the row is held out, (N, J).
-        rate: rows a second [Hz].
+        rate: rows per second [Hz].
     """
 
     bodies: np.ndarray
@@ -126,11 +126,11 @@ class Rows:
 
 @dataclass(frozen=True, eq=False)
 class Regressor:
-    """Base regressors of stretches, chunk by chunk; small ones are kept.
+    """Base regressors of stretches, chunk by chunk; they are stored as far as memory allows (`KEEP`).
 
     Attributes:
         robot: the description.
-        stretches: of signals.
+        stretches: signals between gaps.
     """
 
     robot: Robot
@@ -138,7 +138,7 @@ class Regressor:
     _kept: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)
 
     def chunks(self, s: int) -> Iterator[tuple[slice, slice, np.ndarray]]:
-        """Yield (samples with margins, where the chunk itself lies among them, base columns (m, J, b))."""
+        """Yield (samples with margins, slice of the chunk within them, base columns (m, J, b))."""
         signals = self.stretches[s]
         n, pad = signals.time.size, round(PAD * signals.rate)
         for start in range(0, n, CHUNK):
@@ -168,7 +168,7 @@ class Regressor:
 
 
 def steps_of(stretches: Sequence[ArmSignals]) -> int:
-    """Return how many samples a row stands for."""
+    """Return the number of samples per row."""
     total = sum(s.time.size for s in stretches)
     return max(1, int(stretches[0].rate // (ROW_RATE * JUDGED_BELOW)), -(-total // MOST_ROWS))
 
@@ -218,5 +218,5 @@ def fill_load(rows: Rows, regressor: Regressor, terms: Sequence[Terms], beta: np
 
 
 def _row_samples(wide: slice, core: slice, step: int) -> np.ndarray:
-    """Return which samples of a chunk with margins become rows: every `step`-th of the stretch."""
+    """Return the indices of the samples that become rows, in a chunk with margins: every `step`-th of the stretch."""
     return np.flatnonzero((np.arange(wide.start, wide.stop) % step == 0)[core]) + core.start

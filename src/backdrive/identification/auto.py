@@ -13,7 +13,7 @@ from backdrive.identification.runs import LEAST_RUNS, whole_run
 from backdrive.identification.sweep_windows import find_windows
 from backdrive.logs.log import Log
 
-#: Method -> what it needs, in words.
+#: Method -> motion that it needs, in words.
 METHODS: dict[str, str] = {
     "sweep": "sine sweeps of Iwatani 2017, chapter 2: one cycle a speed",
     "constant-velocity": "runs at constant velocity, both directions",
@@ -23,11 +23,11 @@ METHODS: dict[str, str] = {
     "dynamic": "any motion with reversals, or the input of a drive: a search for any law, presliding included",
 }
 
-IDLE = 0.02  # a joint that travels less than this share of the busiest one of its kind is idle [-]
+IDLE = 0.02  # travel below which a joint is idle, relative to the largest travel of the same unit [-]
 
 
 def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tuple[list[str], list[str]]:
-    """Return the names of the joints to identify, and of those left out because they hardly move.
+    """Return the names of the joints to identify, and of the joints left out because they hardly move.
 
     Raises:
         UnknownName: a wanted joint is not in the logs.
@@ -51,7 +51,7 @@ def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tu
 
 
 def _travel(log: Log) -> np.ndarray:
-    """Distance travelled by each joint, without single outliers [rad or m], (J,)."""
+    """Return the travel of each joint, without single outliers [rad or m], (J,)."""
     if log.position is not None:
         columns = [x[~np.isnan(x)] for x in log.position.T]
         return np.array([np.subtract(*np.quantile(x, (0.995, 0.005))) if x.size else np.nan for x in columns])
@@ -74,17 +74,17 @@ def own_turn(log: Log, joint: str) -> Log:
     begin, end = (float(log.time[moving[i]]) for i in (0, -1))
     middle = (
         0.5 * (begin + end) - 0.5 * plan.duration
-    )  # where the plan lies if its middle is the middle of the motion
+    )  # start of the plan if its middle is the middle of the motion
     part = log.between(min(begin, middle) - 0.5, max(end, middle + plan.duration) + 0.5)
     return part.replace(plan=replace(plan, start=middle))
 
 
 def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) -> tuple[str, str]:
-    """Return the method that fits what the logs hold, and why.
+    """Return the method that suits the logs, and the reason.
 
     Args:
         logs: of the same joints.
-        joints: those that move.
+        joints: names of the joints that move.
         urdf: path of a robot description, if there is one.
     """
     if urdf is not None:

@@ -12,16 +12,16 @@ from backdrive.model import Band, Bands
 
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
-SHARE = 0.95  # of the samples that a band holds
-REVERSAL = 0.05  # a joint reverses for so long before and after its velocity changes sign [s]
-LEAST = 20  # a state with fewer samples has no band
+SHARE = 0.95  # share of the samples within a band [-]
+REVERSAL = 0.05  # length of a reversal on each side of the velocity's change of sign [s]
+LEAST = 20  # least number of samples for a band
 
 
 def bands_of(parts: Sequence[Part]) -> Bands:
-    """Return the bands, by samples that the fit did not see where there are some.
+    """Return the bands, from held-out samples if there are any.
 
     Args:
-        parts: signals, measured friction, predicted torque [N.m or N] and whether the fit saw them.
+        parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted.
     """
     judged = [part for part in parts if not part[3]] or parts
     error = np.concatenate([np.abs(s.torque - predicted) for s, _, predicted, _ in judged])
@@ -41,9 +41,9 @@ def states(
 
     Args:
         s: motion.
-        before: a joint reverses for so long before its velocity changes sign [s].
-        after: and for so long after that [s].
-        creep: speed below which it reverses too, as where it starts or stops [rad/s or m/s]; None: that counts as moving.
+        before: length of a reversal before the velocity changes sign [s].
+        after: length of a reversal after the velocity changes sign [s].
+        creep: speed below which starts, stops and slow motion count as reversing [rad/s or m/s]; None: they count as moving.
     """
     turns = np.diff(np.sign(s.velocity)) != 0
     if creep is not None:
@@ -57,7 +57,7 @@ def states(
 
 
 def long_run_of(parts: Sequence[Part]) -> float | None:
-    """Return the standard deviation of the mean, over one second, of what the model leaves [N.m or N]; None without motion.
+    """Return the standard deviation of the residual's mean over one second [N.m or N]; None without motion.
 
     Args:
         parts: as in `bands_of`.

@@ -1,4 +1,4 @@
-"""The break-away torque of a joint on a torque ramp: the friction that it overcomes when it begins to slide.
+"""The break-away torque of a joint on a torque ramp: the friction that it overcomes as it begins to slide.
 
 A joint creeps before it slides, so the torque at which its speed passes a threshold is not the break-away torque. That is the
 torque u0 = u(t0) at the start t0 of a slide from rest that fits the measured one,
@@ -18,19 +18,17 @@ from scipy.optimize import minimize_scalar, nnls
 
 from backdrive.identification.noise import covariance_of_fit
 
-SETTLED = 2.0  # the joint slides after so many times its displacement before the slip [-]
-COUNTED = 20.0  # and encoder steps [-]
+SETTLED = 2.0  # least displacement of a slide, relative to the displacement before the slip [-]
+COUNTED = 20.0  # least displacement of a slide [encoder step]
 RISE = 0.1  # relative growth of the torque over which the slide is evaluated [-]
 FEWEST = 12  # least number of samples of a slide
 MISFIT = 5.0  # relative uncertainty of the friction per relative residual of the slide's equation [-]
 EARLY = 1.0  # longest time between the start of a slide and its detection [s]
-EDGE = 0.1  # ends of a ramp that may be round [s]
-BENDS = (
-    4  # degree of the polynomial that measures a ramp's deviation from a line, independent of its noise [-]
-)
-STRAIGHT = 0.01  # largest deviation of a ramp from its line, by its range [-]
-LINE = 0.3  # share of a ramp before a slip that is fitted to read the torque if the ramp is not a line [-]
-SHORTEST = 8  # samples of it, at least
+EDGE = 0.1  # length of a ramp's ends, which may be round [s]
+BENDS = 4  # degree of the polynomial for a ramp's deviation from a line, which is insensitive to noise
+STRAIGHT = 0.01  # largest RMS deviation of a ramp from its line, relative to the range of the torque [-]
+LINE = 0.3  # share of a ramp before a slip to which a line is fitted, if the whole ramp is not a line [-]
+SHORTEST = 8  # least number of samples for a line
 ROOT_3 = np.sqrt(3.0)
 
 
@@ -38,9 +36,9 @@ class Line(NamedTuple):
     """The torque along a ramp, a straight line.
 
     Attributes:
-        first: sample at which it begins.
-        terms: level there and slope [N.m or N; a sample], (2,).
-        covariance: of these, which holds under coloured noise, (2, 2).
+        first: first sample of the line.
+        terms: level at the first sample [N.m or N] and slope [N.m or N per sample], (2,).
+        covariance: of the terms, valid for coloured noise, (2, 2).
     """
 
     first: int
@@ -48,23 +46,23 @@ class Line(NamedTuple):
     covariance: np.ndarray
 
     def at(self, samples: np.ndarray) -> np.ndarray:
-        """Return the torque [N.m or N], (n,)."""
+        """Return the torque at samples [N.m or N], (n,)."""
         return self.terms[0] + self.terms[1] * (samples - self.first)
 
     def error(self, sample: float) -> float:
-        """Return its standard error at a sample [N.m or N]."""
+        """Return the standard error of the torque at a sample [N.m or N]."""
         row = np.array([1.0, sample - self.first])
         return float(np.sqrt(max(row @ self.covariance @ row, 0.0)))
 
 
 def line(torque: np.ndarray, smooth: np.ndarray, turns: tuple[int, int], rate: float) -> Line | None:
-    """Return the straight line of a ramp between its turns; None where it is none, or too short.
+    """Return the straight line of a ramp between its turns; None if the ramp is not straight, or too short.
 
     Args:
         torque: of the log, as measured [N.m or N], (n,).
-        smooth: the same low-passed, (n,).
+        smooth: the low-passed torque [N.m or N], (n,).
         turns: first and last sample of the ramp.
-        rate: of sampling [Hz].
+        rate: sampling rate [Hz].
     """
     inner = slice(turns[0] + round(EDGE * rate), turns[1] - round(EDGE * rate))
     if inner.stop - inner.start < SHORTEST:
@@ -91,14 +89,14 @@ def overcome(
 
     Args:
         torque: of the log, as measured [N.m or N], (n,).
-        ramp: line of the ramp; None where it is none.
+        ramp: line of the ramp; None if the ramp is not straight.
         position: of the log [rad or m], (n,).
-        slip: samples at which the ramp begins, the slip is seen, and the torque turns.
-        least: displacement from there on after which it slides [rad or m].
-        rate: of sampling [Hz].
+        slip: samples at which the ramp starts, the slip is detected, and the torque turns.
+        least: displacement after the detection from which on the joint slides [rad or m].
+        rate: sampling rate [Hz].
 
     Returns:
-        None where the ramp is no line, or the slide is too short to tell.
+        Friction and standard error; None if the ramp is not straight, or the slide is too short.
     """
     begin, at, turn = slip
     end = turn - round(EDGE * rate)
@@ -130,17 +128,17 @@ def overcome(
 def onset(
     torque: np.ndarray, velocity: np.ndarray, at: int, rate: float, cutoff: float
 ) -> tuple[float, float]:
-    """Return the torque at which a slip began, from the line of the ramp before it, and its uncertainty.
+    """Return the torque at the start of a slip, from the line of the ramp before it, and its uncertainty [N.m or N].
 
-    Let t be the time since the slip began, under a rising torque. If inertia limits the speed, it grows with t^2; if viscous
-    friction does, with t. So t lies between one and two times speed over acceleration.
+    Let t be the time since the start of the slip, under a rising torque. The speed grows with t^2 if inertia limits it, and
+    with t if viscous friction limits it. So t lies between one and two times speed divided by acceleration.
 
     Args:
-        torque: as measured, from the beginning of the ramp to the sample at which the slip is seen [N.m or N], (n,).
+        torque: as measured, from the start of the ramp to the detection of the slip [N.m or N], (n,).
         velocity: of the whole log [rad/s or m/s].
-        at: sample of it at which the slip is seen.
-        rate: of sampling [Hz].
-        cutoff: of the low pass on the position [Hz].
+        at: sample of the log at which the slip is detected.
+        rate: sampling rate [Hz].
+        cutoff: cutoff frequency of the position's low pass [Hz].
     """
     acceleration = (velocity[min(at + 1, velocity.size - 1)] - velocity[at - 1]) * rate / 2.0
     lag = min(abs(velocity[at]) / max(abs(acceleration), 1e-300), 2.0 / cutoff)

@@ -1,7 +1,7 @@
-"""Friction from runs at constant velocity: one point a run, a curve through the points, judged by leaving runs out.
+"""Friction from runs at constant velocity: one point per run and a curve through the points, judged by left-out runs.
 
-A run's torque is a robust mean. Curves with more and more line sections are
-compared with a straight line per direction by leave-one-run-out, so that the result says whether a line suffices.
+A run's torque is a robust mean. Curves with more and more line sections are compared with a straight line per direction by
+leave-one-out cross-validation over the runs. The result thus states whether a line suffices.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from backdrive.logs.log import Joint, Log
 from backdrive.model import Covariance, JointFriction, Quality, Validity
 from backdrive.model.covariance import errors_by_parameter
 
-SECTIONS = (1, 2, 3, 4, 5, 6)  # line sections per direction that are tried
-CHANCE = 0.01  # largest probability that noise alone makes a line look bent [-]
+SECTIONS = (1, 2, 3, 4, 5, 6)  # tried numbers of line sections per direction
+CHANCE = 0.01  # probability of rejecting a straight line by chance [-]
 ROUNDING = 1e-20  # share of the torque's mean square below which a misfit is ignored [-]
 
 
 def _knots(speed: np.ndarray, sections: int) -> np.ndarray:
-    """Return knots at quantiles of the speeds; a straight line goes from zero."""
+    """Return knots at quantiles of the speeds; for a straight line, zero and the largest speed."""
     if sections == 1:
         return np.array([0.0, speed.max()])
     return np.unique(np.quantile(speed, np.linspace(0.0, 1.0, sections + 1)))
 
 
 def _most_knots(runs: int, directional: bool) -> float:
-    """Return how many knots a direction may have: some freedom is left for the errors."""
+    """Return the largest number of knots per direction that leaves degrees of freedom for the errors."""
     return (0.3 if directional else 0.6) * runs
 
 
 def _more_runs(runs: int, directional: bool, knots: int) -> str:
-    """Return what to record so that a curve of some knots can be fitted in each direction."""
+    """Return a sentence on the runs to record so that a curve with given knots per direction can be fitted."""
     enough = next(n for n in itertools.count(LEAST_RUNS) if _most_knots(n, directional) >= knots)
     words = f"Record at least {enough} runs at different speeds" + (
         ", in both directions" if directional else ""
@@ -51,7 +51,7 @@ def _more_runs(runs: int, directional: bool, knots: int) -> str:
 
 
 def _try_sections(v: np.ndarray, y: np.ndarray, both: bool, directional: bool) -> dict:
-    """Return sections per direction -> form, regressor and each run's error when it is left out."""
+    """Return sections per direction -> form, regressor and the error of each run if it is left out."""
     tried = {}
     for sections in SECTIONS:
         knots = _knots(np.abs(v), sections)
@@ -67,14 +67,14 @@ def _try_sections(v: np.ndarray, y: np.ndarray, both: bool, directional: bool) -
 
 
 def compare_sections(runs: Sequence[Run]) -> dict[int, float]:
-    """Return the rms error of left-out runs [N.m or N] by the number of line sections per direction."""
+    """Return the RMS error of left-out runs [N.m or N], by the number of line sections per direction."""
     v, y = np.array([r.velocity for r in runs]), np.array([r.torque for r in runs])
     both = bool(np.any(v > 0) and np.any(v < 0))
     return {k: float(np.sqrt(np.mean(e**2))) for k, (_, _, e) in _try_sections(v, y, both, both).items()}
 
 
 def _leave_one_out(X: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return each point's error by the fit to all the others, (n,)."""
+    """Return the error of each point in the fit to all other points, (n,)."""
     blocks = regression.accumulate(X, y, np.ones(y.size), np.arange(y.size), y.size)
     return y - np.einsum("ij,ij->i", X, regression.leave_one_out_solutions(blocks))
 
@@ -85,10 +85,10 @@ def identify_constant_velocity(
     """Identify one joint from constant-velocity runs.
 
     Args:
-        logs: one run each, or holding several plateaus.
+        logs: each of one run, or with several plateaus.
         joint: name.
         symmetric: True: one curve for both directions and an offset; otherwise one curve each.
-        law: `coulomb-viscous` or `polyline` to allow only that; None: what left-out runs ask for.
+        law: `coulomb-viscous` or `polyline` to allow only that; None: chosen by left-out runs.
 
     Raises:
         NotIdentifiable: fewer than four runs are found.
@@ -184,7 +184,7 @@ def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray) -> tuple[
     Args:
         tried: form, regressor and errors of left-out runs by the number of sections.
         y: torque of the runs [N.m or N], (n,).
-        pulls: sin q and cos q if gravity was subtracted, so that no curve follows gravity's error; otherwise 0, (n, 2).
+        pulls: sin q and cos q if gravity was subtracted, so that no curve fits the error of gravity; otherwise 0, (n, 2).
     """
     rms = {k: float(np.sqrt(np.mean(error**2))) for k, (_, _, error) in tried.items()}
     if 1 not in rms:
@@ -208,7 +208,7 @@ def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray) -> tuple[
 
 
 def _chance(simple: np.ndarray, full: np.ndarray, y: np.ndarray) -> float:
-    """Return the probability that independent noise alone lowers the residual from one regressor to one that holds it so far."""
+    """Return the probability that noise alone causes the decrease of the residual from a regressor to an extended one."""
     powers = [float(np.sum((y - X @ regression.solve(X.T @ X, X.T @ y)) ** 2)) for X in (simple, full)]
     added, freedom = full.shape[1] - simple.shape[1], y.size - full.shape[1]
     if freedom < 1 or not powers[0] > ROUNDING * float(y @ y):

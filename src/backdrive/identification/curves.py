@@ -1,7 +1,7 @@
 """Candidate friction curves as linear maps of one fine basis of hat functions.
 
-The fine basis has one hat a knot and direction. Every coarser curve (fewer knots, a straight line, both directions equal) is
-an exact linear combination of its columns, so that all candidates are compared on one regressor.
+The fine basis has one hat function per knot and direction. Every coarser curve (fewer knots, a straight line, equal directions)
+is an exact linear combination of its columns. All candidates are thus compared on one regressor.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from backdrive.laws import CoulombViscous, Law, Polyline
 #: Knots of the fine basis as shares of the top speed: dense where Stribeck curves bend.
 SHARES = (0.0, 0.005, 0.015, 0.03, 0.06, 0.12, 0.25, 0.4, 0.6, 0.8, 1.0)
 
-NEAR_ZERO = (-5e-324, 5e-324)  # about rest, where the basis jumps [rad/s or m/s]
+NEAR_ZERO = (-5e-324, 5e-324)  # limits of rest, where the basis jumps [rad/s or m/s]
 
-#: Candidate curves, simplest first: which of SHARES they keep.
+#: Candidate curve, simplest first -> indices of its knots in SHARES.
 COARSE: dict[str, tuple[int, ...]] = {
     "line": (0, 10),
     "3 sections": (0, 3, 6, 10),
@@ -30,11 +30,11 @@ COARSE: dict[str, tuple[int, ...]] = {
 
 
 def from_speed(knots: np.ndarray, slowest: float) -> dict[str, tuple[int, ...]]:
-    """Return the candidates of `COARSE` without knots below the slowest speed in the data; a line begins at rest.
+    """Return the candidates of `COARSE` without knots below the slowest speed in the data; a line starts at rest.
 
     Args:
         knots: of the fine basis [rad/s or m/s], (K,).
-        slowest: one of them [rad/s or m/s].
+        slowest: the knot at the slowest speed [rad/s or m/s].
     """
     first = int(np.argmin(np.abs(knots - slowest)))
     made = {"line": COARSE["line"]}
@@ -46,14 +46,14 @@ def from_speed(knots: np.ndarray, slowest: float) -> dict[str, tuple[int, ...]]:
 
 
 def of_law(law: str | None, shapes: dict[str, tuple[int, ...]] | None = None) -> dict[str, tuple[int, ...]]:
-    """Return the candidates that a law allows: a line for Coulomb and viscous, sections for line sections.
+    """Return the candidates that a law allows: a line for Coulomb and viscous friction, several sections for a polyline.
 
     Args:
         law: `coulomb-viscous`, `polyline`, or None for all.
-        shapes: name -> knots of SHARES; None: `COARSE`.
+        shapes: name -> indices of knots in SHARES; None: `COARSE`.
 
     Raises:
-        UnknownName: no curve of that law is fitted here.
+        UnknownName: the law has no candidate curve.
     """
     shapes = shapes or COARSE
     if law is None:
@@ -73,7 +73,7 @@ class Form:
         name: for messages.
         knots: speeds of its knots [rad/s or m/s], (k,).
         symmetric: both directions share one curve.
-        spread: takes the form's coefficients to those of the fine basis, (2 K, k or 2 k).
+        spread: matrix from the form's coefficients to those of the fine basis, (2 K, k or 2 k).
     """
 
     name: str
@@ -83,7 +83,7 @@ class Form:
 
 
 def hats(speed: np.ndarray, knots: np.ndarray) -> np.ndarray:
-    """Return the hat functions at speeds >= 0, the outer sections going on, (n, k)."""
+    """Return the hat functions at speeds >= 0, with the outer sections extrapolated, (n, k)."""
     columns = np.zeros((speed.size, knots.size))
     if knots.size == 1:
         columns[:] = 1.0
@@ -96,7 +96,7 @@ def hats(speed: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def _places(speed: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the knot before each speed, and how far towards the next it is, (n,) each."""
+    """Return the index of the knot below each speed, and the relative distance from it to the next knot, (n,) each."""
     left = np.searchsorted(knots[1:-1], speed, side="right")
     return left, (speed - knots[left]) / np.diff(knots)[left]
 
@@ -110,10 +110,10 @@ def basis(velocity: np.ndarray, knots: np.ndarray) -> np.ndarray:
 def basis_means(velocity: np.ndarray, knots: np.ndarray, width: int) -> np.ndarray:
     """Return the means of the fine basis over bins of neighbouring samples, (n / width, 2 k).
 
-    The basis is linear between two knots: where a bin stays between them, its mean is the basis at the mean velocity.
+    The basis is linear between two knots. If a bin stays between them, its mean is the basis at the mean velocity.
 
     Args:
-        velocity: of whole bins [rad/s or m/s], (n,).
+        velocity: of an integer number of bins [rad/s or m/s], (n,).
         knots: at least two [rad/s or m/s], (k,).
         width: of a bin [sample].
     """
@@ -138,7 +138,7 @@ def basis_means(velocity: np.ndarray, knots: np.ndarray, width: int) -> np.ndarr
 
 
 def _two_functions(velocity: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return which function of the fine basis is the first of two that are not zero, its value and that of the next, (n,) each."""
+    """Return the index of the first of two nonzero functions of the fine basis, its value and the next one's, (n,) each."""
     left, weight = _places(np.abs(velocity), knots)
     way = np.sign(velocity)
     after = way * weight
@@ -150,8 +150,8 @@ def forms(fine: np.ndarray, coarse: dict[str, np.ndarray], both_directions: bool
 
     Args:
         fine: knots of the fine basis [rad/s or m/s], (K,).
-        coarse: name -> knots kept, a subset of `fine`.
-        both_directions: the data move both ways; otherwise only symmetric forms are returned.
+        coarse: name -> knots of the curve, a subset of `fine`.
+        both_directions: the data cover both directions; otherwise only symmetric forms are returned.
     """
     result = []
     for name, knots in coarse.items():
@@ -167,11 +167,11 @@ def forms(fine: np.ndarray, coarse: dict[str, np.ndarray], both_directions: bool
 def to_law(form: Form, coefficients: np.ndarray) -> Law:
     """Return the law of a fitted form.
 
-    A falling straight line is kept as line sections: a negative viscous coefficient is no viscosity.
+    A falling straight line is returned as line sections, since viscous friction cannot be negative.
 
     Args:
         form: the candidate.
-        coefficients: friction at its knots, positive direction first [N.m or N], (k or 2 k,).
+        coefficients: friction at the form's knots, positive direction first [N.m or N], (k or 2 k,).
     """
     k = form.knots.size
     values = [coefficients[:k], coefficients[-k:]]
@@ -190,17 +190,17 @@ def to_law(form: Form, coefficients: np.ndarray) -> Law:
 
 
 def torques(form: Form, coefficients: np.ndarray, velocity: np.ndarray, row: np.ndarray) -> np.ndarray:
-    """Return the torque at each velocity by the law that `to_law` makes of a row of coefficients [N.m or N], (n,).
+    """Return the torque at each velocity, by the law that `to_law` returns for a row of coefficients [N.m or N], (n,).
 
     Args:
         form: the candidate.
         coefficients: of several fits, (B, k or 2 k).
         velocity: [rad/s or m/s], (n,).
-        row: of the coefficients that hold at each velocity, (n,).
+        row: index of the coefficients to use at each velocity, (n,).
     """
     k, knots = form.knots.size, form.knots
     values = np.stack([coefficients[:, :k], coefficients[:, -k:]], axis=1)
-    if knots[0] > 0.0:  # below the first knot its section goes on, to a torque at rest that is not negative
+    if knots[0] > 0.0:  # the first section is extrapolated to a torque at rest >= 0
         slope = (values[..., 1] - values[..., 0]) / (knots[1] - knots[0])
         rest = np.maximum(values[..., 0] - slope * knots[0], 0.0)
         knots, values = np.r_[0.0, knots], np.concatenate([rest[..., None], values], axis=-1)
@@ -212,11 +212,11 @@ def torques(form: Form, coefficients: np.ndarray, velocity: np.ndarray, row: np.
 
 
 def sensitivity(form: Form, law: Law) -> tuple[tuple[str, ...], np.ndarray]:
-    """Return the names of a law's parameters, and their derivatives by the coefficients of its form, (r, k or 2 k).
+    """Return the names of a law's parameters, and their derivatives with respect to the form's coefficients, (r, k or 2 k).
 
     Args:
-        form: that was fitted.
-        law: that `to_law` made of it.
+        form: the fitted form.
+        law: result of `to_law` for this form.
     """
     k = form.knots.size
     both = np.eye(k) if form.symmetric else np.eye(2 * k)
@@ -239,11 +239,11 @@ def constant_apart(k: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the linear maps that remove a constant from two curves, so that both have the same friction at rest.
 
     Args:
-        k: knots of each curve; the curves' coefficients stand one after the other, positive direction first.
+        k: number of knots per curve; the coefficients of the positive direction come first.
 
     Returns:
-        The row whose product with the coefficients is the constant, (2 k,), and the matrix whose product is the curves
-        without it, (2 k, 2 k).
+        The row that gives the constant as product with the coefficients, (2 k,), and the matrix that gives the curves without
+        it, (2 k, 2 k).
     """
     row = np.zeros(2 * k)
     row[0], row[k] = 0.5, -0.5
@@ -267,18 +267,18 @@ def error_of_curve(form: Form, covariance: np.ndarray) -> Callable[[np.ndarray],
     return standard_error
 
 
-PEAK = 0.25  # standard deviation of friction at rest above that of the slowest sliding [share of the latter]
+PEAK = 0.25  # standard deviation of friction at rest, relative to the friction of the slowest sliding [-]
 
 
 def widen_below(
     law: Law, slowest: float, standard_error: Callable[[np.ndarray], np.ndarray]
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Return the error of a curve, widened below the slowest sliding, where a Stribeck peak is possible.
+    """Return the standard error of a curve, increased below the slowest sliding, where a Stribeck peak is possible.
 
     Args:
-        law: that was fitted.
+        law: the fitted law.
         slowest: slowest speed of sliding in the data [rad/s or m/s].
-        standard_error: of the curve by its coefficients.
+        standard_error: standard error of the curve due to its coefficients.
     """
 
     def wider(velocity: np.ndarray) -> np.ndarray:

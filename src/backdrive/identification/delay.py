@@ -10,12 +10,12 @@ from backdrive.identification.signals import Signals
 
 
 def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
-    """Return a series as it was some samples before, by cubic interpolation, its ends held.
+    """Return a series delayed by some samples, by cubic interpolation; beyond its ends, it keeps its first and last value.
 
     Args:
-        x: time last, (..., n).
-        samples: how long before; negative for later.
-        linear: along straight lines instead.
+        x: the series, time last, (..., n).
+        samples: the delay [sample]; negative for an advance.
+        linear: interpolate linearly instead.
     """
     if samples == 0.0:
         return x
@@ -24,7 +24,7 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     if linear:
         u = 1.0 - (samples - whole)
         weights = (0.0, 1.0 - u, u, 0.0)
-    whole = min(max(whole, -n - 2), n + 2)  # beyond, the held end is all there is
+    whole = min(max(whole, -n - 2), n + 2)  # beyond this, only an end value remains
     before, after = max(whole + 2, 0), max(1 - whole, 0)
     first = before - whole - 2
     rows = x.reshape(-1, n)
@@ -36,9 +36,9 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
 
 
 def cubic(samples: float) -> tuple[int, tuple[float, float, float, float]]:
-    """Return the whole samples of a delay, and the weights that interpolate between the four samples around that place."""
+    """Return the integer part of a delay, and the interpolation weights of the four samples around it."""
     whole = int(np.floor(samples))
-    u = 1.0 - (samples - whole)  # of the way from the sample before to the sample after
+    u = 1.0 - (samples - whole)  # position between the sample before and the sample after [-]
     return whole, (
         -u * (u - 1.0) * (u - 2.0) / 6.0,
         (u * u - 1.0) * (u - 2.0) / 2.0,
@@ -48,7 +48,7 @@ def cubic(samples: float) -> tuple[int, tuple[float, float, float, float]]:
 
 
 def delay_signals(signals: Signals, delay: float) -> Signals:
-    """Return signals with motion and load shifted back by a time [s]; torque and the known torque are not shifted."""
+    """Return signals with motion and load delayed by a time [s]; torque and model torque are not shifted."""
     if not delay:
         return signals
     samples = delay * signals.rate
@@ -65,5 +65,5 @@ def delay_signals(signals: Signals, delay: float) -> Signals:
 
 
 def torque_between(signals: Signals, delay: float) -> np.ndarray:
-    """Return the torque half a sample and some time before [s], (n,): (u_(k-1) + u_k) / 2 without delay."""
+    """Return the torque delayed by half a sample and a given time [s], (n,): (u_(k-1) + u_k) / 2 for zero delay."""
     return earlier(signals.torque, 0.5 + delay * signals.rate, linear=True)

@@ -1,7 +1,7 @@
-"""Means over bins along the motion of some time before, for any number of such times.
+"""Means over bins along a delayed motion, for many values of the delay.
 
-What does not depend on the delay is made once. Columns that are linear in a series are means of it with other weights, and
-the sine and cosine of a position are interpolated as the position is; only the curve's functions need each sample.
+Everything that does not depend on the delay is computed once. Columns that are linear in a series are its means with other
+weights, and sine and cosine of a position are interpolated like the position. Only the curve's functions need each sample.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from backdrive.identification.motion_bins import (
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
 
-MARGIN = 0.2  # delays up to this are reached without new arrays [s]
+MARGIN = 0.2  # longest delay that needs no new arrays [s]
 
 
 class DelayStretch:
-    """One stretch, behind low passes.
+    """One stretch after low passes.
 
     Args:
         s: motion and torque.
         seconds: of the bins [s].
-        corner: low pass of all motion but the jerk [Hz].
-        of_jerk: and of the jerk [Hz].
+        corner: cutoff frequency for all motion but the jerk [Hz].
+        of_jerk: cutoff frequency for the jerk [Hz].
     """
 
     def __init__(self, s: Signals, seconds: float, corner: float, of_jerk: float):
@@ -52,7 +52,7 @@ class DelayStretch:
             :, self._margin : self._margin + s.time.size
         ]  # one after the other: they are long
         velocity, series[0] = filters.low_pass_rows([s.velocity, s.acceleration], corner, s.rate)
-        self._velocity = velocity.copy()  # without the other row's memory
+        self._velocity = velocity.copy()  # a copy, so that the other row's memory is freed
         np.negative(filters.low_pass(s.jerk, of_jerk, s.rate), out=series[1])
         if s.position is not None:
             position = filters.low_pass(s.position, corner, s.rate)
@@ -60,7 +60,7 @@ class DelayStretch:
         self._hold_ends()
 
     def _hold_ends(self) -> None:
-        """Continue the series by their first and last values."""
+        """Extend the series by their first and last values."""
         m, every = self._margin, self._longer
         every[:, :m], every[:, every.shape[1] - m :] = (
             every[:, m : m + 1],
@@ -68,7 +68,7 @@ class DelayStretch:
         )
 
     def _reach(self, margin: int) -> None:
-        """Continue them by so many samples at least."""
+        """Extend the series by at least `margin` samples."""
         if margin > self._margin:
             longer = np.empty((4, self.samples + 2 * margin))
             longer[:, margin : margin + self.samples] = self._longer[
@@ -78,7 +78,7 @@ class DelayStretch:
             self._hold_ends()
 
     def head(self, delay: float) -> np.ndarray:
-        """Return the means of `design.COLUMNS` along the motion of a time before [s], (n, 6)."""
+        """Return the means of `design.COLUMNS` along the motion delayed by a time [s], (n, 6)."""
         whole, weights = cubic(delay * self.rate)
         whole = min(max(whole, -self.samples - 2), self.samples + 2)
         self._reach(abs(whole) + 3)
@@ -91,7 +91,7 @@ class DelayStretch:
         return np.stack([moved[0], moved[1], np.ones(self.count), moved[2], moved[3], self._known], axis=1)
 
     def curve(self, delay: float, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the means of a curve's functions (n, 2 k), of sliding [-] and of the speed [rad/s or m/s], (n,) each."""
+        """Return the means of a curve's functions, (n, 2 k), of sliding [-] and of the speed [rad/s or m/s], (n,) each."""
         size, samples = self.count * self.width, delay * self.rate
         velocity = earlier(self._velocity, samples)[:size]
         sliding = (later(self._sliding, round(samples)) & self._moving)[:size]
@@ -105,7 +105,7 @@ class DelayStretch:
 
 
 def later(mask: np.ndarray, samples: int) -> np.ndarray:
-    """Return a mask moved by whole samples, its ends held, (n,)."""
+    """Return a mask delayed by whole samples, (n,); beyond its ends, it keeps its first and last value."""
     if samples == 0 or not mask.size:
         return mask
     samples = min(max(samples, -mask.size), mask.size)
@@ -123,13 +123,13 @@ def bins_at_delay(
     knots: np.ndarray,
     candidate: design.Candidate | None = None,
 ) -> Bins:
-    """Return what `bin_means` does of motion and load shifted back by a time.
+    """Return the bins that `bin_means` would return for motion and load delayed by a time.
 
     Args:
         stretches: of one joint.
         delay: of the torque behind the motion [s].
         knots: of the fine basis [rad/s or m/s], (k,).
-        candidate: whose columns alone are returned; None: all.
+        candidate: return its columns alone; None: all columns.
     """
     parts = []
     for s in stretches:

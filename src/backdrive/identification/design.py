@@ -16,14 +16,14 @@ from backdrive.logs import filters
 
 #: Columns before the friction basis, in this order.
 COLUMNS = ("inertia", "jerk", "offset", "gravity_sin", "gravity_cos", "model_torque")
-LARGEST_SLIP = 0.02  # longest delay of the torque that is sought; a longer one has another cause [s]
-TOLERANCE = 1.01  # a simpler model is kept while its left-out loss is within this factor of the best [-]
-GAIN = 1.5  # or within so many standard errors of the sum over blocks
-SURE = 2.0  # and of the mean logarithm of the ratio of the blocks' losses, which no single block decides
-UNSOUND = 2.0  # factor of loss accepted for a curve that dissipates and a positive inertia [-]
-VAGUE = 0.05  # a knot is left out if its standard error exceeds this share of the largest friction [-]
-ROUNDING = 1e-12  # a smaller loss is rounding [share of the torque's power]
-MEAGRE = 1e-9  # a column with less than this share of the mean weight is not determined [-]
+LARGEST_SLIP = 0.02  # longest delay of the torque with a plausible cause, such as a clock offset [s]
+TOLERANCE = 1.01  # largest loss of a simpler model on left-out blocks, relative to the best one [-]
+GAIN = 1.5  # largest additional loss, summed over blocks, of a simpler model [standard error]
+SURE = 2.0  # largest mean logarithm of the blocks' loss ratios of a simpler model [standard error]
+UNSOUND = 2.0  # largest loss of a physically plausible model, relative to the best one [-]
+VAGUE = 0.05  # largest standard error at a knot of an accepted curve, relative to the largest friction [-]
+ROUNDING = 1e-12  # loss below which differences are rounding errors, relative to the torque's power [-]
+MEAGRE = 1e-9  # least mean square of a determined column of the curve [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,9 +31,9 @@ class Candidate:
     """A set of terms and a curve.
 
     Attributes:
-        terms: columns of `COLUMNS` that take part.
+        terms: names of the fitted columns of `COLUMNS`.
         form: the friction curve.
-        spread: takes the candidate's coefficients to those of all columns, (p, r).
+        spread: matrix from the candidate's coefficients to those of all columns, (p, r).
     """
 
     terms: tuple[str, ...]
@@ -58,11 +58,11 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """The candidate that was chosen, fitted.
+    """The chosen candidate with its fit.
 
     Attributes:
-        candidate: which one.
-        coefficients: its terms, then the friction at its knots, (r,).
+        candidate: the chosen candidate.
+        coefficients: those of the terms, then the friction at the knots, (r,).
         covariance: of the coefficients, (r, r).
         left_out: coefficients without each block, (B, r).
         condition: of the regressor with columns of unit length [-].
@@ -84,14 +84,14 @@ def columns(s: Signals, knots: np.ndarray, rows: slice = slice(None)) -> np.ndar
 
 
 def means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
-    """Return the means of all columns over bins of so many samples, (n / width, 6 + 2 k)."""
+    """Return the means of all columns over bins of `width` samples, (n / width, 6 + 2 k)."""
     s = s.rows(rows)
     first = [filters.means(x, width) for x in head(s)]
     return np.hstack([np.stack(first, axis=1), curves.basis_means(s.velocity, knots, width)])
 
 
 def head(s: Signals) -> tuple[np.ndarray, ...]:
-    """Return the columns of what is not friction, (n,) each."""
+    """Return the columns of all terms but friction, (n,) each."""
     zero = np.zeros_like(s.velocity)
     pull = (zero, zero) if s.position is None else (np.sin(s.position), np.cos(s.position))
     known = zero if s.model_torque is None else s.model_torque
@@ -114,9 +114,9 @@ def candidates(
         knots: of the fine basis [rad/s or m/s], (k,).
         coarse: name -> knots of a curve.
         dynamic: the inertia may be estimated.
-        gravity: True: with, False: without, None: let the data say.
-        model_torque: torque known from elsewhere takes part.
-        both_directions: the data move both ways.
+        gravity: True: with gravity, False: without, None: both.
+        model_torque: include the model torque.
+        both_directions: the data cover both directions.
         symmetric: True or False to allow only that kind of curve.
     """
     head = ("inertia",) if dynamic else ()
@@ -139,13 +139,13 @@ def candidates(
 
 
 def predict(candidate: Candidate, coefficients: np.ndarray, motion: Signals, row: np.ndarray) -> np.ndarray:
-    """Return the torque of samples, each by a row of coefficients of its own [N.m or N], (n,); a term `jerk` is left out.
+    """Return the torque of samples, each predicted by one of several fits [N.m or N], (n,); a term `jerk` is left out.
 
     Args:
-        candidate: that was fitted.
+        candidate: the fitted candidate.
         coefficients: of several fits, (B, r).
-        motion: that belongs to the torque.
-        row: of the coefficients that hold for each sample, (n,).
+        motion: motion that belongs to the torque.
+        row: index of the fit to use for each sample, (n,).
     """
     k = len(candidate.terms)
     torque = curves.torques(candidate.form, coefficients[:, k:], motion.velocity, row)
@@ -162,7 +162,7 @@ def fit(blocks: regression.Blocks, candidate: Candidate, loss: dict[str, float])
 
     Args:
         blocks: normal equations of all columns.
-        candidate: that was chosen.
+        candidate: the chosen candidate.
         loss: of all candidates, by name.
     """
     mapped = blocks.map_columns(candidate.spread)
@@ -193,7 +193,7 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
         if not weight.min() > 0.0 or weight[k:].min() < MEAGRE * total:
             continue
         theta, left_out = regression.solutions(mapped)
-        if len(option.form.knots) > 2:  # a curve would zigzag at a knot that the data hardly determine
+        if len(option.form.knots) > 2:  # at a knot that the data hardly determine, a curve would oscillate
             variance = regression.sandwich(mapped, theta).diagonal()[k:].max()
             if math.sqrt(max(variance, 0.0)) > VAGUE * np.abs(theta[k:]).max():
                 continue
@@ -219,7 +219,7 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
 
 
 def refit(choice: Choice, blocks: regression.Blocks) -> Choice:
-    """Return a choice with its coefficients by other normal equations of all columns."""
+    """Return a choice with its coefficients refitted to other normal equations of all columns."""
     mapped = blocks.map_columns(choice.candidate.spread)
     return replace(
         choice, coefficients=mapped.solution(), left_out=regression.leave_one_out_solutions(mapped)
@@ -229,8 +229,8 @@ def refit(choice: Choice, blocks: regression.Blocks) -> Choice:
 def _tie(losses: np.ndarray, of_best: np.ndarray) -> bool:
     """Return whether the blocks' losses exceed those of the best model by no more than their scatter.
 
-    A block that a model predicts badly adds as much to the scatter of the differences as to their sum, so that one alone never
-    tells; the ratios of the losses tell models apart then.
+    A badly predicted block adds as much to the scatter of the differences as to their sum. A single block is thus never
+    significant. In that case, the ratios of the losses distinguish the models.
     """
     worse, floor = losses - of_best, ROUNDING * max(float(of_best.sum()), 1e-300)
     ratio = np.log((losses + floor) / (of_best + floor))
@@ -242,7 +242,7 @@ def _tie(losses: np.ndarray, of_best: np.ndarray) -> bool:
 
 
 def _plausible(option: Candidate, theta: np.ndarray) -> bool:
-    """Say whether friction opposes motion at every knot and the inertia is positive."""
+    """Return whether friction opposes motion at every knot and the inertia is not negative."""
     if "inertia" in option.terms and theta[option.terms.index("inertia")] < 0.0:
         return False
     curve, k = theta[len(option.terms) :], option.form.knots.size
@@ -254,11 +254,11 @@ def _plausible(option: Candidate, theta: np.ndarray) -> bool:
 
 
 def offset_apart(choice: Choice) -> Choice:
-    """Remove the constant from curves that differ by direction if it is more likely a bias torque than friction.
+    """Return a choice without the constant in its two curves, if that is more likely a bias torque than friction.
 
-    The data cannot separate the two. A constant beside a gravity term is more likely a remainder of gravity, and a constant
-    with which friction would drive the joint cannot be friction. Both directions then have the same friction at rest, and the
-    constant is the term `offset`.
+    The data cannot separate the two. A constant beside a gravity term is more likely a remainder of gravity. A constant that
+    would make friction drive the joint cannot be friction. In both cases, the directions get the same friction at rest, and
+    the constant becomes the term `offset`.
     """
     candidate = choice.candidate
     t = len(candidate.terms)

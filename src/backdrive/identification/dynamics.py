@@ -2,9 +2,9 @@
 
     tau = inertia ddq + offset + gravity_sin sin q + gravity_cos cos q + model_torque tau_model + tau_f(dq, l)
 
-l = g(q) + inertia ddq is the load that the joint carries, with which friction grows if its law describes it (`laws.growth`).
-`time_slip` is the delay of the measured torque behind the motion as a regression estimates it, `delay` the same as a search
-does: all of the motion, in friction, inertia and gravity, is that of a moment before.
+l = g(q) + inertia ddq is the load of the joint, with which friction grows if the law contains such a growth (`laws.growth`).
+The delay of the measured torque behind the motion is `time_slip` in a regression and `delay` in a search. The motion in all
+terms is delayed by it.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ def _pull(friction: JointFriction, signals: Signals) -> np.ndarray | float:
 
 
 def load_torque(friction: JointFriction, signals: Signals) -> np.ndarray | None:
-    """Return the load that the joint carries [N.m or N], (n,): gravity and what accelerates it; None where nothing tells it.
+    """Return the load of the joint, gravity plus inertial torque [N.m or N], (n,); None if it is unknown or not needed.
 
-    Where the model knows neither gravity nor inertia it is the negative of the log's external torque.
+    If the model contains neither gravity nor inertia, the load is the negative of the log's external torque.
 
     Raises:
         InvalidInput: the model needs a channel that the log does not hold.
@@ -96,7 +96,7 @@ def predict(friction: JointFriction, signals: Signals) -> np.ndarray:
 
 
 def rest_and_total(friction: JointFriction, signals: Signals) -> tuple[np.ndarray, np.ndarray]:
-    """Return what `rest_of_dynamics` and `predict` return, in hardly more time than one of them [N.m or N], (n,) each.
+    """Return the results of `rest_of_dynamics` and `predict` [N.m or N], (n,) each, in hardly more time than one of them.
 
     Raises:
         InvalidInput: the model needs a channel that the log does not hold.
@@ -119,7 +119,7 @@ def rest_and_total(friction: JointFriction, signals: Signals) -> tuple[np.ndarra
 
 
 def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> np.ndarray:
-    """Return by how much a joint moved in the interval that ends at each sample [rad or m], (n,).
+    """Return the displacement of a joint in the interval that ends at each sample [rad or m], (n,).
 
     Args:
         position: [rad or m], (n,); None for a velocity-only log.
@@ -132,7 +132,7 @@ def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> 
 
 
 def _then(friction: JointFriction, signals: Signals) -> Signals:
-    """Return the motion and the load that belong to the torque of each sample; the known torque is not shifted."""
+    """Return the motion and the load that belong to the torque of each sample; the model torque is not shifted."""
     return delay_signals(
         signals, sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
     )

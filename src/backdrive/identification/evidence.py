@@ -17,7 +17,7 @@ from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction
 
-MOST = 4000  # samples kept for pictures
+MOST = 4000  # largest number of samples for pictures
 
 
 def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
@@ -26,7 +26,7 @@ def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
 
 
 def parts_of(friction: JointFriction, stretches: Iterable[Signals], fitted: bool) -> list[Part]:
-    """Return stretches as `evidence` takes them."""
+    """Return stretches with measured friction and predicted torque, as arguments of `evidence`."""
     torques = [(s, *rest_and_total(friction, s)) for s in stretches]
     return [(s, s.torque - rest, total, fitted) for s, rest, total in torques]
 
@@ -41,7 +41,7 @@ def evidence(
 
     Args:
         friction: the result.
-        parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted, as `parts_of` gives them.
+        parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted, from `parts_of`.
         standard_error: of the curve at velocities.
         presliding: displacement and torque of a ramp, (n, 2).
     """
@@ -70,7 +70,7 @@ def evidence(
 def curve(
     friction: JointFriction, standard_error: Callable[[np.ndarray], np.ndarray], points: int = 121
 ) -> Curve:
-    """Return the friction curve over the validity range; zero velocity is left out, where it jumps.
+    """Return the friction curve over the validity range, without zero velocity, at which it jumps.
 
     The points include the slowest speed of sliding, below which the standard error jumps.
     """
@@ -86,7 +86,7 @@ def curve(
 
 
 def verdict(friction: JointFriction) -> str:
-    """Say the result in a sentence or two."""
+    """Return the result in one or two sentences."""
     unit = friction.joint.torque_unit
     speed = f"{friction.joint.unit}/s"
     low, high = friction.validity.velocity
@@ -104,7 +104,7 @@ def verdict(friction: JointFriction) -> str:
 
 
 def describe_fit(friction: JointFriction) -> str:
-    """Say in a sentence how much of the torque the model explains, and the grade."""
+    """Return a sentence with the part of the torque that the model explains, and the grade."""
     quality = friction.held_out or friction.fitted
     residual = quality.residual if quality else float("nan")
     of = "the drive's " if friction.method.endswith("drive's input") else ""
@@ -113,7 +113,7 @@ def describe_fit(friction: JointFriction) -> str:
 
 
 def without_errors(friction: JointFriction) -> JointFriction:
-    """Return a result that states no standard errors but that of the delay."""
+    """Return a result without standard errors, except that of the delay."""
     dynamics = {
         name: e if name == "time_slip" else replace(e, standard_error=math.nan)
         for name, e in friction.dynamics.items()

@@ -1,8 +1,8 @@
 """FunctionA: from the cycles of a sweep to velocity-friction pairs (Iwatani 2017, (2.7)), as printed and corrected.
 
-Corrected means: torque and velocity on the same instant; both directions, each with its own velocity; windows without enough
-samples left out. The contributions of inertia, gravity and the curve's bend to a window's mean are removed, by a regression
-on the variation of the torque inside the windows. See `docs/theory/sweep.md`.
+The corrected version uses torque and velocity of the same instant and a separate mean velocity for each direction. Windows
+without enough samples are left out. A regression on the variation of the torque inside the windows removes the contributions
+of inertia and gravity from a window's mean. The effect of the curve's bend is removed too. See `docs/theory/sweep.md`.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from backdrive.identification.sweep_windows import Windows
 from backdrive.logs.log import Log
 
 SHARE = 0.8  # c of (2.7): samples faster than this share of a cycle's peak speed are used [-]
-SHARP = 3.0  # standard errors by which two parabolas differ where the curve bends sharply [-]
-LEAST = 5  # a window with fewer samples in a direction is left out
+SHARP = 3.0  # least difference of two parabolas' curvatures at a sharp bend [standard error]
+LEAST = 5  # least number of samples per window and direction
 
 
 def function_a(
@@ -58,7 +58,7 @@ def function_a(
 
 
 def _level(t, v, f, window, peak: float, c: float) -> tuple[float, float, float, int, int]:
-    """Return V_n, F_sn+, F_sn- and how many samples are behind them."""
+    """Return V_n, F_sn+, F_sn- and the numbers of samples along +q and -q."""
     if not 0.0 <= c < 1.0:
         raise InvalidInput(f"c = {c}.", remedy="Give a share of the peak speed in [0, 1).")
     inside = (t >= window[0]) & (t < window[1])
@@ -76,7 +76,7 @@ def literal(log: Log, cycles: Windows, c: float = SHARE) -> SweepKnots:
         c: share of a cycle's peak speed above which samples are used [-].
 
     Returns:
-        One pair a cycle, unsorted; NaN where a set is empty.
+        One pair per cycle, unsorted; NaN where a set is empty.
     """
     f = log.driving_torque[:, 0]
     if log.position is not None:
@@ -101,22 +101,22 @@ def literal(log: Log, cycles: Windows, c: float = SHARE) -> SweepKnots:
 def correct_pairs(
     stretches: Sequence[Signals], cycles: Windows, *, rotary: bool, c: float = SHARE, delay: float = 0.0
 ) -> SweepKnots:
-    """Return the pairs with velocity and torque on the same instant, and inertia and gravity regressed out.
+    """Return the pairs with velocity and torque of the same instant, corrected for inertia, gravity and the curve's bend.
 
-    Within each window and direction, the mean of the torque and its part in proportion to the velocity are removed. The rest is
-    explained by acceleration (inertia) and, on a rotary joint, by position (the slope of gravity). Both terms may differ by
-    direction, since friction grows with the load. Their coefficients are estimated from all windows together, and their
-    contribution to the mean of a window is subtracted.
+    Within each window and direction, the mean of the torque and its part proportional to the velocity are removed. The
+    remainder is regressed on the acceleration (inertia) and, on a rotary joint, on the position (the slope of gravity). Both
+    terms may differ by direction, since friction grows with the load. Their coefficients are estimated from all windows
+    together, and their contribution to the mean of a window is subtracted.
 
     Args:
         stretches: the log's signals, as `signals.prepare` returns them.
         cycles: of the sweep.
-        rotary: gravity depends on the position.
+        rotary: whether the joint is rotary, so that gravity depends on the position.
         c: share of a cycle's peak speed above which samples are used [-].
-        delay: from a torque sample to the torque's effect, beyond half a sampling interval [s].
+        delay: time from a torque sample to its effect, minus half a sampling interval [s].
 
     Returns:
-        One pair a cycle, unsorted; NaN where a direction has fewer than `LEAST` samples.
+        One pair per cycle, unsorted; NaN where a direction has fewer than `LEAST` samples.
     """
     with_position = all(s.position is not None for s in stretches)
     columns = [_columns(s, delay) for s in stretches]
@@ -137,7 +137,7 @@ def correct_pairs(
     gram = sum((z[1:] @ z[1:].T for z in inside.values()), np.zeros((k, k)))
     moment = sum((z[1:] @ z[0] for z in inside.values()), np.zeros(k))
     theta = regression.solve(gram, moment)
-    # with the measured acceleration, since the servo's response to noise is in both torque and acceleration
+    # the residual uses the measured acceleration, since torque and acceleration share the servo's response to noise
     noise = noise_of([x[2, g] - theta @ both[:, g] for g in used], [x[1, g] for g in used])
     spread = sum((noise.covariance(inside[id(g)][1:], i) for i, g in enumerate(used)), np.zeros((k, k)))
     errors = {
@@ -189,9 +189,9 @@ def _rows(time: np.ndarray, velocity: np.ndarray, window: np.ndarray, least: flo
 
 
 def _curvature(V: np.ndarray, F: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """Return the map from pairs to the curve's second derivative at each, (N, N).
+    """Return the matrix from pairs to the curve's second derivative at each pair, (N, N).
 
-    It is that of the parabola through the nearest five pairs, or through three where the curve bends too sharply for five.
+    It is that of the parabola through the nearest five pairs, or three pairs if the curve bends too sharply for five.
     """
     result = np.zeros((V.size, V.size))
     order = np.flatnonzero(np.isfinite(F))[np.argsort(V[np.isfinite(F)])]
@@ -206,7 +206,7 @@ def _curvature(V: np.ndarray, F: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def _parabola(V: np.ndarray, order: np.ndarray, k: int, width: int) -> np.ndarray:
-    """Return the map from pairs to the second derivative of the parabola through the nearest to the k-th, (N,)."""
+    """Return the row from pairs to the second derivative of the parabola through the pairs nearest to the k-th, (N,)."""
     first = min(max(k - width // 2, 0), order.size - width)
     near = order[first : first + width]
     x = V[near] - V[near].mean()
@@ -216,10 +216,10 @@ def _parabola(V: np.ndarray, order: np.ndarray, k: int, width: int) -> np.ndarra
 
 
 def _within(z: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Take mean and slope over velocity out of torque, acceleration and the other rows z, (r, n).
+    """Return the rows z, torque, acceleration and others, without their mean and slope over velocity, (r, n).
 
-    Near a velocity peak the acceleration is a cubic in time. Only its share along that is kept: noise of a twice
-    differentiated position would make the inertia look smaller (time is the instrument of a two-stage regression).
+    Near a velocity peak the acceleration is a cubic in time. Only its projection on that cubic is kept: time is the instrument
+    of a two-stage regression. Noise of the twice differentiated position would otherwise bias the inertia towards zero.
     """
     v = v - v.mean()
     t = (t - t.mean()) / max(float(np.ptp(t)), 1e-300)

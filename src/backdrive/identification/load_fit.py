@@ -1,14 +1,14 @@
-"""Friction that grows with the gravity that a joint carries, from sweeps of the assembled arm.
+"""Growth of friction with the gravity that a joint carries, from sweeps of the assembled arm.
 
-With a growth mu_d of the friction where the motor lifts and mu_b where the weight drives the motor back, the mean torques are
+Let friction grow by mu_d if the motor lifts the load, and by mu_b if the load drives the motor back. The mean torques are then
 
     along +q:   F_p(V) + g + mu |g|  + delta g        mu = (mu_d + mu_b) / 2
     along -q:  -F_n(V) + g - mu |g|  + delta g        delta = (mu_d - mu_b) / 2
 
-since friction sgn(v) mu_d |g| where v g > 0 and sgn(v) mu_b |g| where v g < 0 is sgn(v) mu |g| + delta g. So mu is even in the
-direction: it shows in the half difference, once the posture changes |g|. delta acts exactly like a factor on gravity, so no
-posture of the same arm shows it. Only a known payload (`payload_growth`) does, whose apparent weight is 1 + delta times its
-true one.
+since sgn(v) mu_d |g| for v g > 0 and sgn(v) mu_b |g| for v g < 0 together equal sgn(v) mu |g| + delta g. Thus mu is equal in both
+directions and follows from the half difference, if the posture changes |g|. The other part, delta, acts exactly like a factor on
+gravity, so no posture of the same arm determines it. Only a known payload (`payload_growth`) does: its apparent weight is
+1 + delta times its true one.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from backdrive.identification.sweep_knots import SweepKnots
 from backdrive.identification.terms import GRAVITY
 
 SIGNIFICANT = 4.0  # least significance of a growth [standard error]
-LEAST = 0.01  # and by how much friction must change with it from sweep to sweep [share of the friction]
-MOST = 0.5  # growth that a gear has at most [-]
-ROUNDS = 4  # the size of gravity is that of the round before
+LEAST = 0.01  # least change of friction with the load over the sweeps, relative to the friction [-]
+MOST = 0.5  # largest growth of a gear's friction [-]
+ROUNDS = 4  # number of iterations, in each of which the load follows from the last estimate of gravity
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Growth:
-    """How friction grows with the gravity that the joint carries.
+    """The growth of friction with the gravity that the joint carries.
 
     Attributes:
-        slope: mu, mean of lifting and being driven back, and its standard error [-].
+        slope: mu, mean of mu_d and mu_b, and its standard error [-].
         gravity: a and b of a sin q + b cos q [N.m], (2,).
-        carried: mean size of gravity in the sweeps [N.m].
+        carried: mean magnitude of the load in the sweeps [N.m].
     """
 
     slope: tuple[float, float]
@@ -54,7 +54,7 @@ class Growth:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PayloadGrowth:
-    """How friction grows with the load where the motor drives it, and where it drives the motor back.
+    """The growth of friction with the load, for a motor that drives the load, and for a load that drives the motor back.
 
     Attributes:
         driving: mu_d and its standard error [-].
@@ -62,7 +62,7 @@ class PayloadGrowth:
         gravity: a and b of the arm without payload, a sin q + b cos q [N.m], (2,).
         gravity_error: their standard errors [N.m], (2,).
         positive: friction without load at the knots along +q [N.m], (K,).
-        negative: the same along -q [N.m], (K,).
+        negative: friction without load at the knots along -q [N.m], (K,).
         error_pos: standard errors of `positive` [N.m], (K,).
         error_neg: standard errors of `negative` [N.m], (K,).
         velocity: the knots [rad/s], (K,).
@@ -84,13 +84,13 @@ class PayloadGrowth:
 
 
 def growth(eqs: Equations, curves: str, terms: Sequence[str], theta: np.ndarray) -> Growth | None:
-    """Return the growth of friction with gravity where the equations show one, or else None.
+    """Return the growth of friction with gravity if it is significant, or else None.
 
     Args:
         eqs: of all sweeps.
         curves: as in `Equations.spread`.
-        terms: gravity, and what else takes part.
-        theta: their solution without growth.
+        terms: gravity and the other fitted terms.
+        theta: solution of the equations without growth.
     """
     K = eqs.V.size
     friction = float(np.mean(theta[: 2 * K]))
@@ -114,16 +114,16 @@ def growth(eqs: Equations, curves: str, terms: Sequence[str], theta: np.ndarray)
 def payload_growth(
     knots: Sequence[SweepKnots], payloads: Sequence[tuple[float, float]], *, name: str = "joint"
 ) -> PayloadGrowth:
-    """Return how friction grows with the load in both directions of power, from sweeps with and without a known payload.
+    """Return the growth of friction with the load in both directions of power, from sweeps with and without a known payload.
 
     Args:
-        knots: one entry a sweep.
+        knots: one entry per sweep.
         payloads: s and c of the payload's gravity s sin q + c cos q in each sweep; (0, 0) without one [N.m].
         name: of the joint, for messages.
 
     Raises:
-        InvalidInput: not one payload a sweep, or none that differs.
-        NotIdentifiable: the sweeps do not tell curve, gravity, growth and the payload's part apart.
+        InvalidInput: the number of payloads and sweeps differs, or all payloads are equal.
+        NotIdentifiable: the sweeps do not separate curve, gravity, growth and payload, or the growth is impossibly large.
     """
     weights = np.array(payloads, dtype=np.float64)
     if weights.shape != (len(knots), 2) or not np.isfinite(weights).all():

@@ -7,7 +7,7 @@ import numpy as np
 from backdrive.errors import InvalidInput
 from backdrive.laws import CoulombViscous, Law, Polyline
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)  # exact for squares of straight and of quadratic sections
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)  # exact for the squares of linear and quadratic sections
 
 
 def curve_distance(first: Law, second: Law, top_speed: float, *, direction: int = 1) -> float:
@@ -75,7 +75,7 @@ def mean_magnitude(signal: np.ndarray) -> float:
 
 
 def tracking_error(desired: np.ndarray, position: np.ndarray) -> float:
-    """Return the root mean square by which a position misses the desired one over an experiment.
+    """Return the root mean square deviation of a position from the desired one over an experiment.
 
     Args:
         desired: p_d [rad or m], evenly sampled, (n,).

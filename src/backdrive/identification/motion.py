@@ -2,9 +2,9 @@
 
     tau = inertia (ddq - slip dddq) + offset + gravity + tau_model + tau_f(dq)
 
-Torque and every regressor are averaged over the same short bins, which filters both sides alike. The curve is line sections or
-Coulomb and viscous, equal in both directions or not; the data choose by blocked cross-validation. Huber's weights limit the
-influence of outliers.
+Torque and every regressor are averaged over the same short bins, which filters both sides alike. The curve is a polyline or
+Coulomb and viscous friction, equal in both directions or not; it is chosen by blocked cross-validation. Huber's weights limit
+the influence of outliers.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
 
-SHORT, FEW_TURNS = 4.0, 4  # less motion [s], or fewer reversals, gets a remark
-LONG_ENOUGH = 0.25  # a joint must have slid near a speed for so long [s]
-MOVE = 0.1  # a move lasts so long at least [s]
-LEAST_FREEDOM = 3  # with fewer degrees of freedom, standard errors are unknown
-LEAST_MOVES = 6  # and with fewer moves
-SPAN_FOR_GRAVITY = 0.15  # a rotary joint must travel so far before gravity is looked for [rad]
+SHORT, FEW_TURNS = 4.0, 4  # least duration of motion [s] and least number of reversals without a remark
+LONG_ENOUGH = 0.25  # least time of sliding near the slowest sliding speed [s]
+MOVE = 0.1  # least duration of a move [s]
+LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
+LEAST_MOVES = 6  # least number of moves for standard errors
+SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
 
 
 def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
@@ -61,10 +61,10 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         logs: of the same joint; each needs torque and position (or velocity).
         joint: name.
         held_out: logs to judge on; without any, blocks of the fitted logs are held out in turn.
-        cutoff: low pass of the motion before differentiation [Hz]; None: by sampling rate and encoder (`smoothing`).
-        gravity: estimate gravity as sin q and cos q; None: where the data ask for it.
-        symmetric: force one curve for both directions (True) or one each (False); None: what the data ask for.
-        law: `coulomb-viscous` or `polyline` to allow only that; None: what the data ask for.
+        cutoff: low pass of the motion before differentiation [Hz]; None: from sampling rate and encoder (`smoothing`).
+        gravity: estimate gravity as sin q and cos q; None: chosen by cross-validation.
+        symmetric: force one curve for both directions (True) or one each (False); None: chosen by cross-validation.
+        law: `coulomb-viscous` or `polyline` to allow only that; None: chosen by cross-validation.
 
     Raises:
         InvalidInput: a log holds no torque.
@@ -188,14 +188,13 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 def _simplest(
     raw: Bins, options: list[design.Candidate], correlation: float, speeds: tuple[float, float]
 ) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
-    """Return the candidate that the data choose, all losses, the bins to fit it to, their equations, and from which speed on
-    they tell.
+    """Return the chosen candidate, all losses, the bins to fit, their equations, and the slowest speed that they determine.
 
     Args:
         raw: bins, not whitened.
         options: candidates.
         correlation: of the noise of neighbouring bins [-].
-        speeds: from which the bins tell, and below which a line is not asked to follow a crossing of zero [rad/s or m/s].
+        speeds: slowest speed of sliding in the bins, and speed below which bins are not used for a line [rad/s or m/s].
     """
     bins, (slowest, slow) = raw.whiten(correlation), speeds
     blocks = bins.equations()
@@ -203,7 +202,7 @@ def _simplest(
     if candidate.form.knots[0] == 0.0 and slowest < slow:
         lines = [option for option in options if option.form.knots[0] == 0.0]
         faster = raw.faster(slow).whiten(correlation)
-        with suppress(NotIdentifiable):  # if hardly any motion is faster, slow motion is kept
+        with suppress(NotIdentifiable):  # if there is hardly any faster motion, all bins are used
             of_faster = faster.equations()
             candidate, loss = design.simplest(of_faster, lines)
             bins, blocks, slowest = faster, of_faster, slow
@@ -228,7 +227,7 @@ def slowest_sliding(stretches: Sequence[Any], knots: np.ndarray) -> float:
 
 
 def moves(stretches: Sequence[Signals]) -> int:
-    """Return how many times the joint slid from one reversal or rest to the next."""
+    """Return the number of moves: sliding between two reversals or rests that lasts at least `MOVE`."""
     count = 0
     for s in stretches:
         way = (np.sign(s.velocity) * s.sliding)[s.sliding | ~s.moving]
@@ -261,7 +260,7 @@ def as_friction(
     velocity: tuple[float, float],
     delay: float = 0.0,
 ) -> JointFriction:
-    """Return the joint's friction for a vector of coefficients of the chosen candidate, fitted to motion delayed by so much."""
+    """Return the joint's friction for coefficients of the chosen candidate, fitted to motion with a given delay [s]."""
     candidate = choice.candidate
     k = len(candidate.terms)
     law = curves.to_law(candidate.form, coefficients[k:])
@@ -292,7 +291,7 @@ def as_friction(
 
 
 def with_warnings(friction: JointFriction, choice: design.Choice, both_directions: bool) -> JointFriction:
-    """Return the result with what makes it suspect said in sentences."""
+    """Return the result with warnings on what makes it suspect."""
     symmetric, apart = choice.candidate.form.symmetric, "offset" in choice.candidate.terms
     warnings = sentences(
         (
@@ -320,7 +319,7 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
 def _leave_block_out(
     stretches: Sequence[Signals], choice: design.Choice, delay: float, seconds: float
 ) -> list[np.ndarray]:
-    """Return the torque of each stretch [N.m or N], (n,), every block predicted by the fit that did not see it."""
+    """Return the torque of each stretch [N.m or N], (n,), with every block predicted by the fit without it."""
     count = len(choice.left_out)
     block = regression.block_index(sum(bin_size(s, seconds)[1] for s in stretches), count)
     first, predicted = 0, []

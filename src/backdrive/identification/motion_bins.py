@@ -12,13 +12,14 @@ from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
 
-BIN_TIME = 0.01  # torque and regressors are averaged over this long, at least [s]
-LONGEST_BIN = 0.1  # and at most [s]
-OF_A_MOVE = 0.125  # and at most over so much of the time between two reversals [-]
-BLOCK_TIME = 1.5  # least aimed length of a cross-validation block [s]
-BLOCKS = (8, 24)  # least and most blocks
-FILLED, HALF = 0.9, 0.5  # share of a bin that must be of sliding; of motion, where there is little of it [-]
-CHUNK = 200_000  # samples turned into a regressor at a time
+BIN_TIME = 0.01  # shortest bin [s]
+LONGEST_BIN = 0.1  # longest bin [s]
+OF_A_MOVE = 0.125  # longest bin, relative to the median time between two reversals [-]
+BLOCK_TIME = 1.5  # shortest cross-validation block, unless `BLOCKS` requires shorter ones [s]
+BLOCKS = (8, 24)  # least and largest number of blocks
+# least share of sliding samples in a used bin; least share of moving samples, if there is little motion [-]
+FILLED, HALF = 0.9, 0.5
+CHUNK = 200_000  # number of samples per chunk of the regressor
 Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
 
 
@@ -27,11 +28,11 @@ class Bins:
     """Means over bins, of all stretches one after another.
 
     Attributes:
-        X: of the regressor, (n, p).
-        y: of the torque [N.m or N], (n,).
+        X: means of the regressor, (n, p).
+        y: means of the torque [N.m or N], (n,).
         used: whether the joint slides for most of the bin, (n,).
-        speed: mean size of the velocity [rad/s or m/s], (n,).
-        blocks: how many blocks of neighbours all stretches are cut into.
+        speed: mean speed [rad/s or m/s], (n,).
+        blocks: number of cross-validation blocks of all stretches.
     """
 
     X: np.ndarray
@@ -41,18 +42,18 @@ class Bins:
     blocks: int
 
     def map_columns(self, spread: np.ndarray) -> Bins:
-        """Return the same with the regressor X @ spread."""
+        """Return the same bins with the regressor X @ spread."""
         return replace(self, X=self.X @ spread)
 
     def faster(self, speed: float) -> Bins:
-        """Return the same bins, of which only those at least as fast as a speed are used [rad/s or m/s]."""
+        """Return the same bins, of which only those at a speed [rad/s or m/s] or above are used."""
         return replace(self, used=self.used & (self.speed >= speed))
 
     def whiten(self, correlation: float) -> Bins:
-        """Return bins with white noise of the same size.
+        """Return bins transformed so that their noise is white and of the same size.
 
-        Noise whose neighbours are alike is taken for an AR(1). Noise whose neighbours are opposite, as that of an acceleration
-        from an encoder, whose error at the border of two bins counts in both, is taken for an MA(1).
+        Positively correlated noise is modelled as AR(1), and negatively correlated noise as MA(1). The latter occurs in an
+        acceleration from an encoder, whose error at the border of two bins affects both.
 
         Args:
             correlation: of the noise of neighbouring bins [-].
@@ -71,7 +72,7 @@ class Bins:
         return replace(self, X=X, y=y)
 
     def _whiten_opposite(self, share: float) -> Bins:
-        """Return bins less a share of the innovation of the used bin before, beginning anew after others."""
+        """Return bins minus a share of the innovation of the preceding bin, if that is used."""
         below = np.zeros(self.y.size)
         below[:-1] = share * (self.used[1:] & self.used[:-1])
         both = solve_banded(
@@ -90,16 +91,16 @@ class Bins:
 
 
 def moving_average(correlation: float) -> float:
-    """Return the coefficient of the MA(1) whose neighbours have a negative correlation [-]."""
+    """Return the coefficient of the MA(1) with a given negative correlation of neighbours [-]."""
     return (1.0 - float(np.sqrt(1.0 - 4.0 * correlation**2))) / (2.0 * correlation)
 
 
 def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:
-    """Return the length of a bin [s]: a period of the low pass's corner frequency, which removes the ringing about reversals.
+    """Return the length of a bin [s]: a period of the cutoff frequency, which removes ringing about reversals, within limits.
 
     Args:
         stretches: of one joint.
-        cutoff: of the low pass of its motion [Hz].
+        cutoff: cutoff frequency of the motion's low pass [Hz].
     """
     period = period_of([moves_of(s) for s in stretches])
     longest = 0.5 * OF_A_MOVE * period if period else LONGEST_BIN
@@ -107,15 +108,15 @@ def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:
 
 
 def bin_size(s: Signals, seconds: float = BIN_TIME) -> tuple[int, int]:
-    """Return the width of a bin of so long [s] and the number of whole bins [sample]."""
+    """Return the width of a bin of given length [sample], and the number of whole bins."""
     width = max(1, round(seconds * s.rate))
     return width, s.time.size // width
 
 
 def block_count(duration: float, period: float = 0.0) -> int:
-    """Return how many blocks of neighbouring samples a log is cut into.
+    """Return the number of blocks of neighbouring samples.
 
-    A block is as long as a period of the motion, if the log is long enough: a shorter one resembles its neighbours.
+    If the log is long enough, a block is at least as long as a period of the motion. A shorter one resembles its neighbours.
 
     Args:
         duration: of all stretches [s].
@@ -125,10 +126,10 @@ def block_count(duration: float, period: float = 0.0) -> int:
 
 
 def period_of(moves: Sequence[np.ndarray]) -> float:
-    """Return the period of a motion, twice the median time between two reversals [s]; 0 without two of them.
+    """Return the period of a motion, twice the median time between two reversals [s]; 0 if there are no two reversals.
 
     Args:
-        moves: of each stretch, as `moves_of` returns them [s].
+        moves: times between reversals of each stretch, from `moves_of` [s].
     """
     every = np.concatenate(moves)
     return 2.0 * float(np.median(every)) if every.size else 0.0
@@ -147,15 +148,15 @@ def bin_means(
     reversals: bool = False,
     filled: float = FILLED,
 ) -> Bins:
-    """Return the means over bins, where the joint slides.
+    """Return the means over bins, with those marked in which the joint slides.
 
     Args:
         stretches: of one joint.
         knots: of the curve among the columns [rad/s or m/s], (k,).
-        means: what gives the means of the regressor over bins of some samples of a stretch, (n, p).
-        seconds: of each bin [s].
-        reversals: take part as well.
-        filled: share of a bin that must take part for it to be used [-].
+        means: function that returns the means of the regressor over bins of a stretch, (n, p).
+        seconds: length of a bin [s].
+        reversals: count reversals and slow motion as sliding.
+        filled: least share of sliding samples in a used bin [-].
     """
     parts = []
     for s in stretches:

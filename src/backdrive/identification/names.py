@@ -1,4 +1,4 @@
-"""Matching of joints by name. Default names, given in column order, show only the order."""
+"""Matching of joints by name. Default names, given in column order, identify only the order."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ def same_names(first: Iterable[Joint], second: Iterable[Joint], *sides: str) -> 
 
     Args:
         first: joints of one side.
-        second: of the other.
-        sides: what the two are called.
+        second: joints of the other side.
+        sides: names of the two sides.
 
     Raises:
-        InvalidInput: a side has default names, and the names of the two sides differ, so that the order does not match the
-            joints.
+        InvalidInput: a side has default names and the names of the sides differ, so that their order is not reliable either.
     """
     mine, theirs = (list(dict.fromkeys((j.name, j.named) for j in side)) for side in (first, second))
     if all(named is not False for _, named in (*mine, *theirs)):
@@ -39,14 +38,14 @@ def same_names(first: Iterable[Joint], second: Iterable[Joint], *sides: str) -> 
 
 
 def rename_joints(joints: Sequence[Joint], pairs: Sequence[str]) -> tuple[Joint, ...]:
-    """Return joints under the names that a person gives them.
+    """Return joints with new names.
 
     Args:
         joints: of one side.
-        pairs: OLD=NEW, any number.
+        pairs: any number of OLD=NEW.
 
     Raises:
-        InvalidInput: a pair is none, names no joint, or makes two joints one.
+        InvalidInput: a pair has another form or names no joint, or two joints get one name.
     """
     names = {joint.name: joint.name for joint in joints}
     for pair in pairs:

@@ -1,13 +1,13 @@
 """Autocorrelation of noise, and the resulting errors of weighted sums.
 
-A regression leaves residuals in runs of neighbouring samples. The variance of a sum of them with weights z is z' G z, with the
-autocovariance G of the noise; all runs together tell its shape, each its own size.
+The residuals of a regression come in runs of neighbouring samples. The variance of their sum with weights z is z' G z, where G
+is the autocovariance of the noise. Its shape is estimated from all runs together, its size from each run.
 
-The weights of the lags are one up to the last lag at which a correlation is seen, and then fall in a straight line (Politis &
-Romano, J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003): weights that fall
-from the first lag on would mix high-frequency noise, such as that of an acceleration, into the level at zero frequency. In each
-run a line or a polynomial of the velocity was fitted, so its residuals are smaller than the noise. With Q the orthonormal
-columns of that fit and P = 1 - Q Q', their autocovariance is that of P G P. The missing part is added.
+The weights of the lags are one up to the last lag with a significant correlation, and then fall linearly (Politis & Romano,
+J. Time Series Analysis 16, 1995; the lag nearly as in Politis, J. Nonparametric Statistics 15, 2003). Weights that fall from
+the first lag on would mix high-frequency noise, such as that of an acceleration, into the level at zero frequency. In each run
+a line or a polynomial of the velocity was fitted, so its residuals are smaller than the noise. With Q the orthonormal columns
+of that fit and P = 1 - Q Q', their autocovariance is that of P G P. The missing part is added.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from scipy.special import stdtrit
 from backdrive.identification import regression
 from backdrive.logs.filters import fft_length
 
-LONGEST = 400  # lag that is looked at, at most [sample]
-SEEN = 2.0  # a correlation counts as seen if it is at least this many times sqrt(log10 N / N) [-]
-QUIET = 10  # the correlation ends where this many lags in a row are below that limit
-ROUNDS = 4  # in each, what the fit removed follows from the correlation of the round before
-WHOLE = 10.0  # weight of the noise of all runs beside that of one run, in independent samples
+LONGEST = 400  # largest lag of a correlation [sample]
+SEEN = 2.0  # least significant correlation, relative to sqrt(log10 N / N) [-]
+QUIET = 10  # number of consecutive insignificant lags that end the correlation
+ROUNDS = 4  # number of iterations; in each, the part removed by the fit follows from the last correlation
+WHOLE = 10.0  # weight of the noise of all runs in the noise of one run [independent sample]
 LEAST = 0.1  # least variance of a sum, relative to that of white noise of the same size [-]
 
 
@@ -34,10 +34,10 @@ class Noise:
     """Noise of residuals in runs of samples.
 
     Attributes:
-        correlation: from sample to sample, by lag, 1 at lag 0 [-], (L,).
+        correlation: autocorrelation by lag, 1 at lag 0 [-], (L,).
         size: standard deviation of the noise in each run [unit of the residuals], (R,).
-        widening: of standard errors, so that 1.96 of them hold what Student's quantile would with so few independent samples
-            as tell the size of a run [-], (R,).
+        widening: factor on standard errors, so that 1.96 of them correspond to Student's quantile for the number of
+            independent samples behind a run's size [-], (R,).
     """
 
     correlation: np.ndarray
@@ -45,7 +45,7 @@ class Noise:
     widening: np.ndarray
 
     def covariance(self, z: np.ndarray, run: int) -> np.ndarray:
-        """Return the covariance of the sums of z times noise over a run, (k, k).
+        """Return the covariance of the sums over a run of noise weighted by z, (k, k).
 
         Args:
             z: rows of weights, (k, n).
@@ -59,11 +59,11 @@ class Noise:
 
 
 def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], degree: int = 1) -> Noise:
-    """Return the noise of residuals in which a polynomial of the velocity was fitted to each run, or is taken out here.
+    """Return the noise of residuals from which a polynomial of the velocity is removed in each run.
 
     Args:
         residuals: of each run, (n,).
-        velocities: of its samples, (n,).
+        velocities: of each run, (n,).
         degree: of the polynomial.
     """
     bases = [_basis(v, degree) for v in velocities]
@@ -94,27 +94,27 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
 
 
 def _shrunk(size: np.ndarray, independent: np.ndarray) -> np.ndarray:
-    """Return the sizes of noise of runs, those of few independent samples nearer to that of all runs together, (R,).
+    """Return the noise of each run, shrunk towards that of all runs if the run has few independent samples, (R,).
 
     With few samples, the noise of a run is often underestimated, and the standard error of a sum would be too small.
 
     Args:
-        size: standard deviation by each run alone, (R,).
-        independent: samples of each run, by what the correlation leaves of them, (R,).
+        size: standard deviation of each run alone, (R,).
+        independent: equivalent number of independent samples of each run, (R,).
     """
     whole = float(independent @ size**2) / float(independent.sum())
     return np.sqrt((independent * size**2 + WHOLE * whole) / (independent + WHOLE))
 
 
 def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """Return the covariance of coefficients that Huber's loss was fitted with, under the correlation of its own residuals, (p, p).
+    """Return the covariance of coefficients fitted with Huber's loss, for the correlation of the fit's residuals, (p, p).
 
-    It is widened by the lost degrees of freedom, and as Student's distribution is with so few independent samples.
+    It is widened for the lost degrees of freedom, and by Student's distribution for the number of independent samples.
 
     Args:
         X: regressor of evenly spaced samples, (n, p).
         residual: of the fit, (n,).
-        used: False where a sample did not take part, (n,).
+        used: mask of the fitted samples, (n,).
     """
     size, p = int(np.count_nonzero(used)), X.shape[1]
     width = regression.HUBER * regression.robust_spread(residual[used])
@@ -138,11 +138,11 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
 
 
 def taper(correlation: np.ndarray, count: int) -> np.ndarray:
-    """Return a correlation by lag, whole up to the last lag at which it is seen, and falling to zero over as many more.
+    """Return a correlation, unchanged up to its last significant lag, and reduced linearly to zero over as many lags more.
 
     Args:
-        correlation: as estimated, 1 at lag 0 [-], (L,).
-        count: of samples it was estimated from.
+        correlation: estimated correlation by lag, 1 at lag 0 [-], (L,).
+        count: number of samples behind the estimate.
     """
     seen = np.abs(correlation[1:]) >= SEEN * np.sqrt(np.log10(max(count, 10)) / count)
     last = quiet = 0
@@ -162,9 +162,9 @@ def _basis(velocity: np.ndarray, degree: int) -> np.ndarray:
 
 
 def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-    """Return by how much a fit of columns Q lowers the sum of products e_k e_(k+h) of unit noise by lag, (lags,).
+    """Return the decrease of the sum of products e_k e_(k+h) of unit noise by a fit of columns Q, by lag, (lags,).
 
-    With the shift J_h that is tr J_h (G - P G P) = 2 tr Q' J_h G Q - tr (Q' J_h Q) (Q' G Q), J_h and its transpose averaged.
+    With the shift J_h, averaged with its transpose, that is tr J_h (G - P G P) = 2 tr Q' J_h G Q - tr (Q' J_h Q) (Q' G Q).
     """
     G = _toeplitz(Q, correlation)
     across = np.einsum("aah->h", _products(Q, G, QQ.shape[2]) + _products(G, Q, QQ.shape[2]))
@@ -172,13 +172,13 @@ def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndar
 
 
 def _sums(x: np.ndarray, lags: int) -> np.ndarray:
-    """Return sums over k of x_k x_(k+h) by lag h, (lags,)."""
+    """Return the sum over k of x_k x_(k+h) for each lag h, (lags,)."""
     column = x[:, None]
     return _products(column, column, lags)[0, 0]
 
 
 def _products(a: np.ndarray, b: np.ndarray, lags: int) -> np.ndarray:
-    """Return sums over k of a_k b_(k+h) by columns of a and b and lag h, (k, m, lags)."""
+    """Return the sum over k of a_k b_(k+h) for each column of a and of b and each lag h, (k, m, lags)."""
     n = fft_length(a.shape[0] + lags)
     A = np.fft.rfft(a.T, n)
     B = A if b is a else np.fft.rfft(b.T, n)
@@ -186,7 +186,7 @@ def _products(a: np.ndarray, b: np.ndarray, lags: int) -> np.ndarray:
 
 
 def _toeplitz(z: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-    """Return the symmetric Toeplitz matrix of a correlation times columns z, (n, k)."""
+    """Return the product of a correlation's symmetric Toeplitz matrix and columns z, (n, k)."""
     n, m = z.shape[0], min(correlation.size, z.shape[0])
     if m == 1:
         return correlation[0] * z

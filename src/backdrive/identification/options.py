@@ -32,11 +32,11 @@ from backdrive.logs.log import Drive, Log
 from backdrive.model import FrictionModel
 from backdrive.plans import plan_to_dict
 
-SLOW = 50.0  # a sampling rate below this makes a result suspect [Hz]
-PARTS = 10  # in which the progress of a fit is reported
+SLOW = 50.0  # sampling rate below which a result is suspect [Hz]
+PARTS = 10  # number of parts in which the progress of a fit is reported
 Interval = Literal["covariance", "profile", "bootstrap"]
 
-#: Option -> the methods that it is for; what is not here is for all.
+#: Option -> methods that use it; other options apply to all methods.
 APPLIES: dict[str, tuple[str, ...]] = {
     "law": ("motion", "constant-velocity", "dynamic"),
     "gravity": ("motion", "dynamic"),
@@ -76,7 +76,7 @@ ARGUMENTS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Everything that may be asked beside the logs; `identify` tells the meaning of each."""
+    """All options beside the logs; `identify` documents each."""
 
     law: str | Sequence[str] | None = None
     method: str = "auto"
@@ -102,7 +102,7 @@ class Options:
     progress: Callable[[str], None] | None = None
 
     def say(self, sentence: str) -> None:
-        """Tell whoever listens what begins now."""
+        """Report the next step to the progress callback, if there is one."""
         if self.progress is not None:
             self.progress(sentence)
 
@@ -122,7 +122,7 @@ class Options:
         return tick
 
     def overrides(self) -> dict[str, Any]:
-        """Return what differs from the default, by name."""
+        """Return the options that differ from their defaults, by name."""
         empty: tuple[Any, ...] = (None, [], (), {})
         usual = Options()
         return {
@@ -132,10 +132,10 @@ class Options:
         }
 
     def applicable(self, method: str) -> None:
-        """Refuse an option that a method would ignore.
+        """Refuse options that a method would ignore.
 
         Raises:
-            InvalidInput: there is one, or two contradict each other.
+            InvalidInput: there is such an option, or two contradict each other.
         """
         given = self.overrides()
         for name in given:
@@ -152,10 +152,10 @@ class Options:
                 )
 
     def check(self) -> None:
-        """Refuse arguments that no log could make sense of.
+        """Refuse arguments that are invalid for any log.
 
         Raises:
-            InvalidInput: one of them makes no sense, or two contradict each other.
+            InvalidInput: an argument is invalid, or two contradict each other.
             UnknownName: no such loss or kind of interval.
         """
         check_arguments(ARGUMENTS, vars(self))
@@ -169,10 +169,10 @@ class Options:
         """Return the options that differ from their defaults, as plain values for the model.
 
         Args:
-            method: that ran.
-            plan: one for all logs, one a log, or None.
-            held_out: logs that were judged on.
-            others: beside it; what is None or empty is left out.
+            method: the method used.
+            plan: one for all logs, one per log, or None.
+            held_out: held-out logs.
+            others: further entries; None and empty values are left out.
         """
         options = {k: v for k, v in self.overrides().items() if k != "progress"} | {"method": method}
         for name in ("accept", "joints", "payloads", "law"):
@@ -195,7 +195,7 @@ class Options:
 
 
 def describe_drive(drive: DriveModel | Drive) -> dict[str, Any]:
-    """Return the numbers of a drive by name that are not the usual ones, its controller and actuator among them."""
+    """Return the parameters of a drive that differ from their defaults, by name, with its controller and actuator."""
     if isinstance(drive, Drive):
         return {"law": drive.law, "gains": dict(drive.gains)}
     usual = type(drive)()
@@ -205,14 +205,14 @@ def describe_drive(drive: DriveModel | Drive) -> dict[str, Any]:
 
 
 def settings_of(model: FrictionModel, joint: str) -> dict[str, Any]:
-    """Return what a search chose for one joint (low pass, integration step, drive), empty where there was none."""
+    """Return the settings of a search for one joint (low pass, integration step, drive); empty without a search."""
     every = model.options.get("settings", model.options.get("joints"))  # older files: `joints`
     own = every.get(joint) if isinstance(every, dict) else None
     return own if isinstance(own, dict) else {}
 
 
 def moments_without_drive(logs: Sequence[Log]) -> list[str]:
-    """Return sentences on logs in which the drive was off for a time: a fit through the drive's input would treat it as on."""
+    """Return sentences on logs in which the drive was off at times, which a fit given the drive's input does not account for."""
     return [
         f"{note} A fit takes the drive to be on throughout: cut those stretches out."
         for log in logs
@@ -225,7 +225,7 @@ def in_order(log: Log, first: Log) -> Log:
     """Return a log with its joints in the order of the first log's.
 
     Raises:
-        InvalidInput: it holds other joints, or the same in another unit.
+        InvalidInput: its joints or their units differ.
     """
     if set(log.names) != set(first.names):
         raise InvalidInput(
@@ -243,16 +243,16 @@ def in_order(log: Log, first: Log) -> Log:
 
 
 def coupling_of(logs: Sequence[Log], names: Sequence[str]) -> dict[str, Any]:
-    """Return the model's entry for the coupling matrix, which converted all logs from motors to joints; empty without a matrix.
+    """Return the model's entry for the coupling matrix that converted all logs from motors to joints; empty without one.
 
-    Joints that are not identified keep their rows: without them nobody could bring the others back to their motors.
+    Joints that are not identified keep their rows, since a conversion back to the motors needs the whole matrix.
 
     Args:
         logs: of the same joints.
-        names: of the joints that are identified.
+        names: of the identified joints.
 
     Raises:
-        InvalidInput: the logs differ in it.
+        InvalidInput: the coupling matrices of the logs differ.
     """
     matrices = {log.coupling for log in logs}
     if len(matrices) > 1:
@@ -269,9 +269,7 @@ def coupling_of(logs: Sequence[Log], names: Sequence[str]) -> dict[str, Any]:
 
 
 def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
-    """Refuse a held-out file that is also fitted, and a file that is fitted twice. Files that were joined to several logs do
-    not count.
-    """
+    """Refuse a held-out file that is also fitted, and a file that is fitted twice, except files joined to several logs."""
     fitted: dict[str, str] = {}
     spans: dict[str, list[tuple[float, float]]] = {}
     for log in logs:
@@ -294,12 +292,12 @@ def apart(logs: Sequence[Log], held_out: Sequence[Log]) -> None:
 
 
 def attach_plan(logs: Sequence[Log], plan: Any, start: Start | None = None) -> list[Log]:
-    """Return the logs with the plan that they were recorded with: one for all, one a log, or None for their own.
+    """Return the logs with their plans: one for all, one per log, or None for their own.
 
-    `start` says where in each log its plan begins; see `alignment.with_plan`.
+    `start` is the start of the plan in each log; see `alignment.with_plan`.
 
     Raises:
-        InvalidInput: there are several plans, and not one a log.
+        InvalidInput: the number of several plans differs from that of the logs.
     """
     if plan is None and start is None:
         return list(logs)
@@ -323,7 +321,7 @@ def attach_plan(logs: Sequence[Log], plan: Any, start: Start | None = None) -> l
 
 
 def slow_clock(logs: Sequence[Log]) -> list[str]:
-    """Say where the sampling is too slow to differentiate, or the time in another unit."""
+    """Return sentences on logs whose sampling is too slow for differentiation, or whose time has another unit."""
     rates = [1.0 / log.period for log in logs if log.period > 0]
     if not rates or min(rates) >= SLOW:
         return []
@@ -344,7 +342,7 @@ def external_torque_notes(logs: Sequence[Log], method: str) -> list[str]:
 
 
 def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
-    """Return whether joints move at the same time without a known torque that accounts for their coupling."""
+    """Return whether joints move at the same time and the logs hold no model torque of their coupling."""
     together = 0
     for log in logs:
         if len(names) < 2 or log.model_torque is not None or len(log) < 2:

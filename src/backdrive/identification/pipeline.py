@@ -37,7 +37,7 @@ from backdrive.logs.tables import as_logs
 from backdrive.model import ArmModel, FrictionModel, JointFriction
 from backdrive.plans.limits import JointLimits, read_limits
 
-#: Method -> where one joint is identified by it: module, function and the options that it heeds.
+#: Method -> its function for one joint: module, name, and the options that it uses.
 ONE_JOINT: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "sweep": ("sweep", "identify_sweep", ("literal", "symmetric", "timing")),
     "payload": ("sweep_payload", "identify_payload", ("payloads", "timing")),
@@ -81,10 +81,10 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     """Identify the friction of every joint that moves.
 
     Without a law, the method follows from the logs, and the data determine the form of the curve. With a law, several laws or
-    `auto`, the method is `dynamic`: every law is fitted without every third window of time, and judged on these windows or on
-    the `held_out` logs. The chosen law is then fitted to all data. Inertia, a constant torque and, if asked for, gravity are
-    fitted too. Logs without torque are fitted through forward dynamics with the drive in the loop: the law is judged by the
-    position that it predicts from the drive's input.
+    `auto`, the method is `dynamic`. Every law is then fitted with every third window of time held out, and judged on these windows
+    or on the `held_out` logs. The chosen law is finally fitted to all data, together with inertia, a constant torque and, if
+    required, gravity. Logs without torque are fitted by forward dynamics with the drive in the loop. The residual is then that
+    of the position predicted from the drive's input.
 
     Args:
         logs: one log or data frame, or several of the same joints, with position or velocity, and torque; or with position and
@@ -92,45 +92,45 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         law: None; `auto` for a shortlist that the data can support; `rate`, `rate+element`, or several with commas between. For
             the methods `motion` and `constant-velocity`, `coulomb-viscous` or `polyline` to allow only that.
         method: `auto`, or one of `METHODS`.
-        plan: the motion that was commanded (an object of `backdrive.plans`), or one a log; gives the sweep its windows.
-        start: where in the log the plan begins: seconds after the first sample, or `auto`, by the motion [s]; None: at once.
+        plan: the commanded motion (an object of `backdrive.plans`), or one per log; it defines the windows of a sweep.
+        start: start of the plan in the log: seconds after the first sample, or `auto`, from the motion [s]; None: at once.
         joints: name of the joint to identify, or several; None: every joint that moves.
         urdf: path of the robot description; needed for the method `arm`.
         held_out: logs to judge on, not seen by the fit.
-        symmetric: force one curve for both directions (True) or one each (False); of a law, numbers for each direction; None: as
-            the data ask for, and for a law where it lowers the error on unseen windows by enough.
-        gravity: estimate gravity as sin q and cos q (motion, dynamic); None: where the data ask for it.
-        delay: seek the time by which torque was recorded later than motion, or by which the drive's input acts late (dynamic).
-        bounds: of parameters, `inertia`, `offset`, `gravity_sin`, `gravity_cos` and `delay`, by name [SI]; given the drive's
-            input of any number of the axis and its drive, which is sought then: `drive.resistance`, ... (dynamic; see
-            `dynamic.motion_terms`).
-        known: what is not sought, by name [SI]: `inertia`, `offset`, `gravity_sin`, `gravity_cos`; given the drive's input any
-            number of `engine.Axis` (dynamic).
-        drive: fit from motion given this drive's input; None: as the logs say, where they hold no torque (dynamic).
+        symmetric: force one curve, or equal parameters of a law, for both directions (True), or one each (False); None: chosen
+            by the error on held-out data.
+        gravity: estimate gravity as sin q and cos q (motion, dynamic); None: if the data require it.
+        delay: estimate the delay of the torque behind the motion, or of the drive's input (dynamic).
+        bounds: bounds of the law's parameters, `inertia`, `offset`, `gravity_sin`, `gravity_cos` and `delay`, by name [SI].
+            Given the drive's input, also of any parameter of the axis and its drive, which is then estimated:
+            `drive.resistance`, ... (dynamic; see `dynamic.motion_terms`).
+        known: fixed values by name [SI]: `inertia`, `offset`, `gravity_sin`, `gravity_cos`; given the drive's input, any
+            parameter of `engine.Axis` (dynamic).
+        drive: fit motion given this drive's input; None: the drive of the logs, if they hold no torque (dynamic).
         loss: `linear`, `huber` or `absolute` (dynamic).
         interval: `covariance`, `profile` or `bootstrap`; see `dynamic.uncertainty` (dynamic).
-        cutoff: low pass of the motion before differentiation [Hz]; None: by sampling rate and encoder.
-        step: longest integration step of a fit given the drive's input [s]; None: a part of the fastest time constant of the
-            drive with the inertia, at most 1 ms (dynamic).
+        cutoff: low pass of the motion before differentiation [Hz]; None: from sampling rate and encoder.
+        step: longest integration step of a fit given the drive's input [s]; None: a part of the fastest time constant of
+            drive and inertia, at most 1 ms (dynamic).
         literal: the sweep exactly as printed in the thesis, without corrections.
-        timing: the sweep's torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: as
-            the motion tells.
-        payloads: s and c of the gravity s sin q + c cos q of a known payload in each log, (0, 0) without [N.m]: sweeps then
-            tell friction where the motor lifts from friction where it is driven back.
+        timing: the sweep's torque is a `command`, held from its sample on, or a `sample`, taken with the position; None:
+            detected from the motion.
+        payloads: s and c of the gravity s sin q + c cos q of a known payload in each log, (0, 0) without one [N.m]. Sweeps
+            then separate friction of a motor that lifts the load from friction of a load that drives the motor back.
         accept: names of health findings to accept.
-        repair: repair the log where a safe repair exists; each is noted, and undone if it does not lower the held-out error.
-        seed: of the starts of a search.
-        reading: how the logs were read (map, unit, ...), to be remembered in the model file.
+        repair: make the safe repairs of a log; each is noted, and undone if it does not lower the held-out error.
+        seed: of the starting points of a search.
+        reading: how the logs were read (map, unit, ...), recorded in the model file.
         progress: called with a sentence before every step that may take long. An interruption (Ctrl-C) ends a search with its
-            best result so far, if there is one; the result says so.
+            best result so far, if there is one; the result states this.
 
     Returns:
-        The model, the evidence for every joint, which method ran and why; after a search the table of laws with the reason for
-        the choice.
+        The model, the evidence for every joint, the method and the reason for it; after a search also the table of laws with the
+        reason for the choice.
 
     Raises:
         UnhealthyLog: a finding would spoil the result.
-        NotIdentifiable: the data do not determine the friction of any joint; where they do of some, the others are named.
+        NotIdentifiable: the data do not determine the friction of any joint; joints that fail beside others are only named.
         InvalidInput: an argument or a log does not fit the method.
         UnknownName: no such law, joint or method.
     """
@@ -243,12 +243,12 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
 
 
 def _limits(urdf: str | None) -> dict[str, JointLimits]:
-    """Return the limits of each joint by the robot's description; none without one."""
+    """Return the limits of each joint from the robot's description; empty without one."""
     if urdf is None:
         return {}
     try:
         return read_limits(urdf)
-    except BackdriveError:  # the arm was identified all the same
+    except BackdriveError:  # limits are optional
         return {}
 
 
@@ -262,7 +262,7 @@ def _searches(logs: Sequence[Log], options: Options) -> bool:
 
 
 def _method(logs: Sequence[Log], names: Sequence[str], options: Options) -> tuple[str, str]:
-    """Return the method that runs, and why."""
+    """Return the method and the reason for it."""
     if _searches(logs, options):
         from backdrive.identification.dynamic import is_driven
 
@@ -294,7 +294,7 @@ def _by_joint(
     options: Options,
     warnings: list[str],
 ) -> tuple[Sequence[JointFriction], Sequence[JointEvidence]]:
-    """Return the friction of one joint after the other, and what supports it; those that cannot be identified are named."""
+    """Return friction and evidence of each joint; a warning names the joints that cannot be identified."""
     results: list[tuple[JointFriction, JointEvidence]] = []
     for k, name in enumerate(names):
         among = f", joint {k + 1} of {len(names)}" if len(names) > 1 else ""
@@ -326,7 +326,7 @@ def _one(
 def _validate_on(
     model: FrictionModel, evidence: Sequence[JointEvidence], held_out: Sequence[Log]
 ) -> tuple[FrictionModel, list[JointEvidence]]:
-    """Return model and evidence with the quality on held-out logs, for methods that do not judge themselves."""
+    """Return model and evidence with the quality on held-out logs, for methods that do not compute it."""
     qualities = validate(model, held_out)
     joints = tuple(replace(j, held_out=qualities.get(j.joint.name, j.held_out)) for j in model.joints)
     return replace(model, joints=joints), _describe_fit(evidence, model.joints, joints)
@@ -343,7 +343,7 @@ def _with_verdicts(
 def _describe_fit(
     evidence: Sequence[JointEvidence], before: Sequence[JointFriction], after: Sequence[JointFriction]
 ) -> list[JointEvidence]:
-    """Return the evidence with the sentence on the fit as it is now."""
+    """Return the evidence with the sentence on the fit updated."""
     return [
         replace(e, verdict=e.verdict.replace(describe_fit(old), describe_fit(new)))
         for e, old, new in zip(evidence, before, after, strict=True)

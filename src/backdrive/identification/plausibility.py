@@ -1,7 +1,7 @@
 """Plausibility of a result: rules applied to the results of every method, and the verdict that follows.
 
-Physics comes before the residual: a result that violates it is not credible, however small the residual. Each rule checks a
-joint's parameters with their errors, or the torque residual, and states the fault in a sentence with numbers.
+Physics takes precedence over the residual: a result that violates it is not credible, however small the residual. Each rule
+checks a joint's parameters with their errors, or the torque residual, and describes the fault in a sentence with numbers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ORDER: tuple[Severity, ...] = ("poor", "unknown", "care", "note")
 
 Rule = Callable[[Case], Remark | None]
 
-#: The rules, the gravest first; a line each.
+#: The rules, gravest first, one per line.
 RULES: tuple[Rule, ...] = (
     numbers.speed,
     residual.clock,
@@ -45,12 +45,12 @@ RULES: tuple[Rule, ...] = (
 
 
 def remarks(friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = ()) -> list[Remark]:
-    """Return what the rules have to say of a joint's result, the gravest first.
+    """Return the remarks of all rules on a joint's result, gravest first.
 
     Args:
         friction: of the joint.
         evidence: of the same joint.
-        logs: that were fitted.
+        logs: fitted logs.
     """
     case = Case(friction=friction, evidence=evidence, logs=logs)
     every = [remark for rule in RULES if (remark := rule(case)) is not None]
@@ -58,7 +58,7 @@ def remarks(friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log
 
 
 def with_verdict(friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = ()) -> JointFriction:
-    """Return the joint with its remarks before the method's own, and the grade that they allow; see `remarks`."""
+    """Return the joint with the rules' remarks before the method's warnings, and the grade that they allow."""
     every = remarks(friction, evidence, logs)
     if not every:
         return friction

@@ -1,4 +1,4 @@
-"""Plausibility rules on data beside a joint's own channels: the plan of the motion, and other joints."""
+"""Plausibility rules on data other than a joint's own channels: the plan of the motion, and other joints."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from backdrive.identification.residual import Residual
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 
-OFF = 0.02  # a clock, or a plan's tempo, is off by more than this [-]
-ANOTHER_UNIT = 1.5  # strokes so many times as large, or as small, are in another unit [-]
-SCALED = 0.1  # strokes that differ by more than this were scaled [-]
-OTHERS = 10.0  # corner of the low pass on the motion of other joints [Hz]
+OFF = 0.02  # relative deviation of the duration from the plan above which there is a remark [-]
+ANOTHER_UNIT = 1.5  # ratio of the strokes of motion and plan, or its inverse, that indicates another unit [-]
+SCALED = 0.1  # relative deviation of the stroke from the plan above which there is a remark [-]
+OTHERS = 10.0  # cutoff frequency of the low pass on the motion of other joints [Hz]
 
 
 def plan(case: Case) -> Remark | None:
-    """A motion that is not as long, or as wide, as the plan that the log is linked to."""
+    """Remark on a motion whose duration or stroke differs from that of the log's plan."""
     name = case.friction.joint.name
     for log in case.logs:
         part = own_turn(log, name)
@@ -47,9 +47,7 @@ def plan(case: Case) -> Remark | None:
 
 
 def other_joints(case: Case) -> Iterator[tuple[np.ndarray, str]]:
-    """Yield columns by which other joints' motion may affect the torque while this joint slides, (n, k), and the cause in
-    words.
-    """
+    """Yield columns of other joints' motion, (n, k), which may affect the torque while this joint slides, and their names."""
     res = case.residual
     if res is None or not case.logs:
         return
@@ -71,7 +69,7 @@ def other_joints(case: Case) -> Iterator[tuple[np.ndarray, str]]:
 
 
 def _spans(res: Residual, logs: Sequence[Log]) -> list[tuple[slice, Log]]:
-    """Return which means lie in which log: stretches are in the order of the logs, each on its log's clock."""
+    """Return slices of the means with their logs; stretches are in the order of the logs, each on the clock of its log."""
     edges = np.flatnonzero(np.diff(res.part, prepend=-1, append=-1)).tolist()
     spans, at, last = [], 0, -np.inf
     for a, b in pairwise(edges):
@@ -86,7 +84,7 @@ def _spans(res: Residual, logs: Sequence[Log]) -> list[tuple[slice, Log]]:
 
 
 def _motion(log: Log, column: int) -> list[np.ndarray]:
-    """Return slow position, velocity and acceleration of a joint, (n,) each; NaN where a log has none."""
+    """Return low-passed position, velocity and acceleration of a joint, (n,) each; without a position, it is zero."""
     channel = log.position if log.position is not None else log.need("velocity")
     rate = 1.0 / log.period
     slow = filters.low_pass(channel[:, column], min(OTHERS, 0.1 * rate), rate)

@@ -1,4 +1,4 @@
-"""Rules of plausibility on a result's numbers: sign, size, balance against each other, their errors, and the edges of ranges."""
+"""Plausibility rules on a result's numbers: signs, sizes, ratios, errors, and limits of ranges."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from backdrive.identification.remark import EARLY, ONE_WAY_ONLY, SHARE, SURE, Ca
 from backdrive.identification.terms import GRAVITY, columns
 from backdrive.laws.direction import ByDirection
 
-CANCEL = 3.0  # two terms that oppose each other are this much larger than the torque [-]
-HALF_KNOWN = 0.5  # error of the share of known torque from which on it may be anything [-]
-KNOWN_DELAY = 0.1  # a delay is known whose standard error is at most this share of it [-]
-ONE_WAY = 0.05  # top speed one way by that the other way: less is one direction only [-]
-UNEQUAL = 3.0  # friction one way by that the other way [-]
-FASTEST = {"rad": 2000.0, "m": 100.0}  # faster than any joint [rad/s or m/s]
+CANCEL = 3.0  # size of two opposing terms, relative to the torque, above which they cancel each other [-]
+HALF_KNOWN = 0.5  # standard error of the model torque's factor above which it is undetermined [-]
+KNOWN_DELAY = 0.1  # largest relative standard error of a known delay [-]
+ONE_WAY = 0.05  # ratio of the directions' top speeds below which the motion has one direction only [-]
+UNEQUAL = 3.0  # largest ratio of the directions' friction without a remark [-]
+FASTEST = {"rad": 2000.0, "m": 100.0}  # highest possible speed of a joint [rad/s or m/s]
 
 
 def direction(case: Case) -> Remark | None:
-    """Friction that drives."""
+    """Remark on friction that drives the joint."""
     ends, unit = (
         case.friction.driving(case.friction.validity.lowest_speed or 0.0),
         f"{case.friction.joint.unit}/s",
@@ -36,7 +36,7 @@ def direction(case: Case) -> Remark | None:
 
 
 def inertia(case: Case) -> Remark | None:
-    """A negative inertia."""
+    """Remark on a negative inertia."""
     value, error = case.value("inertia")
     if not value < -2.0 * (error if math.isfinite(error) else 0.0):
         return None
@@ -49,7 +49,7 @@ def inertia(case: Case) -> Remark | None:
 
 
 def speed(case: Case) -> Remark | None:
-    """Faster than any machine."""
+    """Remark on a speed above that of any machine."""
     top, unit = max(abs(v) for v in case.friction.validity.velocity), case.friction.joint.unit
     if not top > FASTEST[unit]:
         return None
@@ -60,7 +60,7 @@ def speed(case: Case) -> Remark | None:
 
 
 def balance(case: Case) -> Remark | None:
-    """Gravity and an offset that cancel each other."""
+    """Remark on gravity and an offset that cancel each other."""
     res = case.residual
     if res is None or not np.isfinite(res.position).all() or not res.size > 0.0:
         return None
@@ -81,7 +81,7 @@ def balance(case: Case) -> Remark | None:
 
 
 def directions(case: Case) -> Remark | None:
-    """Friction that is far larger one way."""
+    """Remark on friction that is far larger in one direction."""
     low, high = case.friction.validity.velocity
     top = min(-low, high)
     if not top > 0.05 * max(-low, high):
@@ -98,7 +98,7 @@ def directions(case: Case) -> Remark | None:
 
 
 def one_way(case: Case) -> Remark | None:
-    """Motion one way only, from which no method tells friction from a constant torque."""
+    """Remark on motion in one direction, which does not separate friction from a constant torque."""
     low, high = case.friction.validity.velocity
     if case.friction.method != "motion" or min(-low, high) > ONE_WAY * max(-low, high):
         return None
@@ -106,7 +106,7 @@ def one_way(case: Case) -> Remark | None:
 
 
 def vague_terms(case: Case) -> Remark | None:
-    """Terms no larger than their error; where that is larger than all torque, they may be anything."""
+    """Remark on terms smaller than their standard errors, graver if an error exceeds the whole torque."""
     res, vague, worst = case.residual, [], 0.0
     if res is None or not res.size > 0.0:
         return None
@@ -130,7 +130,7 @@ def vague_terms(case: Case) -> Remark | None:
 
 
 def certainty(case: Case) -> Remark | None:
-    """A curve with a wide band."""
+    """Remark on a curve with large standard errors."""
     curve = case.evidence.curve
     error, torque = curve.standard_error, np.abs(curve.torque)
     if not error.size or not np.isfinite(error).all() or not torque.mean() > 0.0:
@@ -145,14 +145,14 @@ def certainty(case: Case) -> Remark | None:
 
 
 def delay_range(case: Case) -> Remark | None:
-    """A delay too long for a clock offset. A known delay gets a remark; an unknown one may be longer still."""
+    """Remark on a delay too long for a clock offset, graver if the delay is poorly known and may be even longer."""
     value, error = case.value("time_slip")
     spread = 2.0 * error if math.isfinite(error) else 0.0
     if not abs(value) + spread >= LARGEST_SLIP:
         return None
     shift = delay(case)
     if shift is not None and shift.severity == "care":
-        return None  # another delay explains the torque better, and is spoken of
+        return None  # the rule `delay` reports another delay that fits better
     if 0.0 < error <= KNOWN_DELAY * abs(value):
         return Remark(
             severity="note",
@@ -168,7 +168,7 @@ def delay_range(case: Case) -> Remark | None:
 
 
 def external_share(case: Case) -> Remark | None:
-    """A scale factor of the known torque other than one."""
+    """Remark on a factor of the model torque other than one."""
     value, error = case.value("model_torque")
     sure = math.isfinite(error)
     if sure and error > HALF_KNOWN:
@@ -195,7 +195,7 @@ def external_share(case: Case) -> Remark | None:
 
 
 def break_away(case: Case) -> Remark | None:
-    """Break-away below Coulomb friction: far below is impossible, and slightly below means that it was not measured."""
+    """Remark on break-away below Coulomb friction: far below is impossible, slightly below means that it was not measured."""
     rate = case.friction.law.rate
     ways = (rate.forward, rate.backward) if isinstance(rate, ByDirection) else (rate,)
     levels = [(getattr(way, "breakaway", math.nan), getattr(way, "coulomb", math.nan)) for way in ways]

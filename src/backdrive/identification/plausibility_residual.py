@@ -14,21 +14,23 @@ from backdrive.identification.residual import MEAN, Explanation, Residual
 from backdrive.identification.terms import GRAVITY, columns
 from backdrive.logs import filters
 
-CHANCE = 1e-5  # noise explains a residual so well once in so many times [-]
-STRUCTURE = 0.015  # share of the friction: an explained part of the residual above this gets a remark [-]
-GRAVE = 0.25  # share of the friction: above this a remark lowers the grade [-]
-MOST = 1.5  # share of the friction: above this, the cause is not structure but terms that the motion does not separate [-]
-LEFT = 0.1  # of the friction: so much slow torque may be left [-]
-LATE = 0.015  # torque that comes so much later than motion is remarked on [s]
-WORTH = 0.96  # and whose correction lowers the residual to less than this share [-]
-WILD = 3e-3  # share of samples that are far off [-]
-COARSE = 0.25  # of the friction: a step of the torque's readings [-]
-FEW_STEPS = 0.3  # of the way in a mean at top speed: a step of the encoder [-]
-SLOWEST = 5.0  # sampling rate below which time is not in seconds [Hz]
+CHANCE = 1e-5  # largest probability that noise explains as much as a reported cause [-]
+STRUCTURE = 0.015  # least explained residual with a remark, relative to the friction [-]
+GRAVE = 0.25  # explained residual above which the grade is lowered, relative to the friction [-]
+MOST = (
+    1.5  # largest plausible explained residual, relative to the friction; above, terms are not separated [-]
+)
+LEFT = 0.1  # largest slow residual without a remark, relative to the friction [-]
+LATE = 0.015  # least delay of the torque with a remark [s]
+WORTH = 0.96  # largest residual after correction of the delay for a remark, relative to that before [-]
+WILD = 3e-3  # largest share of outliers without a remark [-]
+COARSE = 0.25  # largest step of the measured torque without a remark, relative to the friction [-]
+FEW_STEPS = 0.3  # largest encoder step without a remark, relative to the travel in `MEAN` at top speed [-]
+SLOWEST = 5.0  # sampling rate below which the time is probably not in seconds [Hz]
 
 
 def clock(case: Case) -> Remark | None:
-    """Time in another unit than seconds."""
+    """Remark on a time that is probably not in seconds."""
     if case.residual is None or not case.residual.period > 1.0 / SLOWEST:
         return None
     rate = 1.0 / case.residual.period
@@ -40,12 +42,11 @@ def clock(case: Case) -> Remark | None:
 
 
 def delay(case: Case) -> Remark | None:
-    """Torque that comes late, by the shift at which a line explains it best."""
+    """Remark on a delay of the torque, from the shift at which a friction curve fits best."""
     if (res := case.residual) is None:
         return None
-    growing = (
-        case.friction.law.growth is not None
-    )  # friction over load looks like a delay to a curve of the velocity alone
+    # in a fit of a curve over velocity alone, friction that grows with the load looks like a delay
+    growing = case.friction.law.growth is not None
     found = res.delay(*([np.sign(res.velocity) * _static_load(case, res)] if growing else []))
     if found is None or abs(found[0]) < LATE or found[1] > WORTH:
         return None
@@ -55,7 +56,7 @@ def delay(case: Case) -> Remark | None:
     )
     told = abs(known - abs(found[0])) < 0.3 * abs(found[0])
     if told and known >= LARGEST_SLIP:
-        return None  # `delay_range` says so with its error
+        return None  # `delay_range` reports it with its standard error
     way = "later" if found[0] > 0.0 else "earlier"
     return Remark(
         severity="note" if told else "care",
@@ -64,7 +65,7 @@ def delay(case: Case) -> Remark | None:
 
 
 def torque_steps(case: Case) -> Remark | None:
-    """Torque in steps."""
+    """Remark on a torque measured in large steps."""
     if case.residual is None or not case.residual.step > COARSE * case.residual.size:
         return None
     return Remark(
@@ -76,7 +77,7 @@ def torque_steps(case: Case) -> Remark | None:
 
 
 def encoder_steps(case: Case) -> Remark | None:
-    """Positions in steps."""
+    """Remark on positions measured in large steps."""
     top = max(abs(v) for v in case.friction.validity.velocity)
     if not case.count > FEW_STEPS * top * MEAN:
         return None
@@ -88,7 +89,7 @@ def encoder_steps(case: Case) -> Remark | None:
 
 
 def wild_samples(case: Case) -> Remark | None:
-    """Single samples far off."""
+    """Remark on outliers of the torque."""
     if case.residual is None or not case.residual.wild > WILD:
         return None
     return Remark(
@@ -98,7 +99,7 @@ def wild_samples(case: Case) -> Remark | None:
 
 
 def structure(case: Case) -> Remark | None:
-    """The variable that explains most of the residual: time, load or position; or a remark on a large unexplained residual."""
+    """Remark on the variable that explains most of the residual, such as time, load or position, or else on a slow residual."""
     if case.residual is None or not case.residual.size > 0.0:
         return None
     res = case.residual.slides
@@ -132,12 +133,12 @@ def structure(case: Case) -> Remark | None:
     ]
     if (
         float(np.sqrt(np.mean(res.torque_error**2))) > STRUCTURE * size
-    ):  # the motion of other joints is costly to look up
+    ):  # the motion of other joints is costly to evaluate
         for motion, cause in other_joints(case):
             pull = res.explain(*motion.T)
             if (
                 pull is not None
-            ):  # the part that this joint's own motion explains does not count as a coupling torque
+            ):  # only the part that this joint's own motion does not explain counts as coupling
                 tests.append(
                     (replace(pull, size=pull.beyond), f"Torque follows {cause}, by {share}: its pull.")
                 )
@@ -156,7 +157,7 @@ def structure(case: Case) -> Remark | None:
 
 
 def _times(res: Residual) -> list[np.ndarray]:
-    """Return the order of the means from -0.5 to 0.5, over all and, where there are several stretches, within each, (n,) each."""
+    """Return the normalised index of the means, from -0.5 to 0.5, over all means and, if there are several, in each stretch."""
     lengths = np.bincount(res.part)
     lengths = lengths[lengths > 0]
     every = [[res.time.size]] if lengths.size == 1 else [[res.time.size], lengths.tolist()]
@@ -164,7 +165,7 @@ def _times(res: Residual) -> list[np.ndarray]:
 
 
 def _static_load(case: Case, res: Residual) -> np.ndarray:
-    """Return the size of what the joint holds without moving, gravity and torque known from elsewhere [N.m or N], (n,)."""
+    """Return the magnitude of the static load, gravity plus model torque [N.m or N], (n,)."""
     share, angle = case.value("model_torque")[0], np.isfinite(res.position).all()
     held = np.zeros_like(res.torque) if not math.isfinite(share) else share * res.known
     if angle:
@@ -173,7 +174,7 @@ def _static_load(case: Case, res: Residual) -> np.ndarray:
 
 
 def slow_torque(case: Case) -> Remark | None:
-    """Slow torque without a cause that is known."""
+    """Remark on a slow residual of unknown cause."""
     if case.residual is None or not case.residual.size > 0.0:
         return None
     res = case.residual.slides

@@ -1,4 +1,4 @@
-"""From torque ramps to a joint's break-away friction and presliding stiffness."""
+"""Identification of a joint's break-away friction and presliding stiffness from torque ramps."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from backdrive.logs.filters import derivative
 from backdrive.logs.log import Joint, Log
 from backdrive.model import JointFriction, Validity
 
-TRIED = 0.2  # share of the other direction's torque from which on a direction was ramped too [-]
+TRIED = 0.2  # least torque of a ramped direction, relative to the other direction [-]
 BREAKS = "begins to slip (breaks away)"
-NAMED = 0.03  # share of the break-away torque from which on the torque at rest is mentioned [-]
+NAMED = 0.03  # least torque at rest that the verdict mentions, relative to the break-away torque [-]
 
 
 def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint's break-away friction and presliding stiffness from torque ramps.
 
-    The law is Coulomb friction with the break-away torques. The stiffness is among the dynamics as
-    `presliding_stiffness`; where the encoder does not resolve the displacement, as `presliding_stiffness_bound`.
+    The law is Coulomb friction equal to the break-away torques. The stiffness is the term `presliding_stiffness` of the dynamics,
+    or `presliding_stiffness_bound` if the encoder does not resolve the displacement.
 
     Args:
         logs: torque ramps of the same joint.
@@ -42,7 +42,7 @@ def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, Joint
     (up, up_error, up_seen), (down, down_error, down_seen) = _break_away(found, 1), _break_away(found, -1)
     seen = {"coulomb_positive": up_seen, "coulomb_negative": down_seen}
     untried = _missing_direction(found)
-    if untried:  # only what was tried tells
+    if untried:  # use the friction of the ramped direction for both
         up, down = max(up, down), max(up, down)
     law = CoulombViscous(coulomb_positive=max(up, 0.0), coulomb_negative=max(down, 0.0))
     missing = [name for name in seen if not seen[name] and name != untried]
@@ -73,7 +73,7 @@ def identify_ramp(logs: Sequence[Log], joint: str) -> tuple[JointFriction, Joint
 
 
 def _break_away(found: Presliding, direction: int) -> tuple[float, float, bool]:
-    """Return the friction that had to be overcome in a direction, its standard error, and whether it was."""
+    """Return the friction to overcome in a direction, its standard error, and whether the joint broke away."""
     side = 0 if direction > 0 else 1
     slipped = found.break_away[side]
     if slipped is None:
@@ -82,7 +82,7 @@ def _break_away(found: Presliding, direction: int) -> tuple[float, float, bool]:
 
 
 def _missing_direction(found: Presliding) -> str:
-    """Return the number of the direction in which the torque was not ramped; empty where it was in both."""
+    """Return the parameter of the direction in which the torque was not ramped; empty if both were ramped."""
     up, down = (abs(torque - found.rest) for torque in found.largest)
     if down < TRIED * up and found.break_away[1] is None:
         return "coulomb_negative"
@@ -174,7 +174,7 @@ def _verdict(friction: JointFriction, found: Presliding, missing: Sequence[str],
 
 
 def _samples(logs: Sequence[Log], joint: str, friction: JointFriction, found: Presliding) -> Samples:
-    """Return measured torque against the law's, which is not defined where the joint sticks."""
+    """Return the measured samples; the law's torque is undefined where the joint sticks."""
     columns = []
     for log in logs:
         single = log.select(joint).on_joint_side()
@@ -199,7 +199,7 @@ def _samples(logs: Sequence[Log], joint: str, friction: JointFriction, found: Pr
 
 
 def _loop(logs: Sequence[Log], joint: str) -> np.ndarray:
-    """Return displacement from the first reading against torque, thinned, (n, 2)."""
+    """Return displacement since the first sample and torque, thinned, (n, 2)."""
     parts = []
     for log in logs:
         single = log.select(joint).on_joint_side()

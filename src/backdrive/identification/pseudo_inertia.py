@@ -2,16 +2,16 @@
 
     P = [[S, h], [h', m]],     S = tr(I)/2 - I,     h = m c
 
-I is the inertia about the frame's origin, h the first moment, m the mass. A body of positive density has P > 0, and for every P
-> 0 such a body exists (Traversaro, Brossette, Escande, Nori, IROS 2016; Wensing, Kim, Slotine, RA-L 3, 2018). P is linear in
-the parameters, and seen from another frame it is G P G' with the frame's homogeneous transform G.
+I is the inertia about the frame's origin, h the first moment, m the mass. A body of positive density has P > 0. Conversely,
+every P > 0 belongs to such a body (Traversaro, Brossette, Escande, Nori, IROS 2016; Wensing, Kim, Slotine, RA-L 3, 2018). P is
+linear in the parameters. In another frame it is G P G', with the homogeneous transform G of the frame.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Of each of the ten parameters, in pinocchio's order: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz; (10, 4, 4).
+#: Derivative of P with respect to each parameter, in pinocchio's order m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz; (10, 4, 4).
 BASIS = np.zeros((10, 4, 4))
 BASIS[0, 3, 3] = 1.0
 for _i in range(3):
@@ -28,7 +28,7 @@ def pseudo_inertia(parameters: np.ndarray) -> np.ndarray:
     """Return the matrix P of every body, (..., 4, 4).
 
     Args:
-        parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz of each [kg, kg.m, kg.m^2], (..., 10).
+        parameters: m, mx, my, mz, Ixx, Ixy, Iyy, Ixz, Iyz, Izz of each body [kg, kg.m, kg.m^2], (..., 10).
     """
     return np.tensordot(parameters, BASIS, axes=1)
 
@@ -42,7 +42,7 @@ def of_pseudo_inertia(matrix: np.ndarray) -> np.ndarray:
 
 
 def frame_change(placement: np.ndarray) -> np.ndarray:
-    """Return the matrix that brings a body's parameters from one frame to another, (10, 10).
+    """Return the matrix that converts a body's parameters from one frame to another, (10, 10).
 
     Args:
         placement: homogeneous transform of the body's frame in the other one, (4, 4).
@@ -54,7 +54,7 @@ def about_center(parameters: np.ndarray) -> np.ndarray:
     """Return the inertia about the body's center of mass [kg.m^2], (3, 3).
 
     Args:
-        parameters: ten of a body whose mass is not zero.
+        parameters: ten parameters of a body with nonzero mass.
     """
     P = pseudo_inertia(parameters)
     h, m = P[:3, 3], P[3, 3]

@@ -1,4 +1,4 @@
-"""The residual of a model, pooled over stretches, files or left-out blocks; and the grade in one word."""
+"""The residual of a model, pooled over stretches, files or left-out blocks, and the grade in one word."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from backdrive.identification.signals import Signals
 from backdrive.logs.filters import low_pass_rows
 from backdrive.model import JointFriction, Quality
 
-JUDGED_BELOW = 5.0  # corner of the zero-phase low pass on both torques [Hz]
-LEAST_SHARE = 0.2  # least share of the low pass's weight inside the mask that is compensated [-]
-GOOD, FAIR = 15.0, 35.0  # residual up to which a result is called good, or usable with care [%]
+JUDGED_BELOW = 5.0  # cutoff frequency of the zero-phase low pass on both torques [Hz]
+LEAST_SHARE = 0.2  # least sum of the low pass's weights inside the mask that is normalised to 1 [-]
+GOOD, FAIR = 15.0, 35.0  # largest residual of a result that is good, or usable with care [%]
 
 
 def judge(pairs: Iterable[tuple[np.ndarray, np.ndarray, float, np.ndarray]]) -> Quality:
@@ -32,11 +32,11 @@ def judge(pairs: Iterable[tuple[np.ndarray, np.ndarray, float, np.ndarray]]) -> 
 def _qualities(
     stretches: Iterable[tuple[np.ndarray, Sequence[np.ndarray], float, np.ndarray]], predictions: int
 ) -> list[Quality]:
-    """Return the relative residual of each of so many predictions over all stretches.
+    """Return the relative residual of each prediction over all stretches.
 
     Args:
         stretches: measured torque, predicted torques [N.m or N], sampling rate [Hz] and the mask of judged samples, each (n,).
-        predictions: of each stretch.
+        predictions: number of predictions of each stretch.
     """
     total, count = np.zeros((2, 1 + predictions)), 0
     for tau, hats, rate, mask in stretches:
@@ -58,7 +58,7 @@ def _qualities(
 
 
 def _slow(series: Sequence[np.ndarray], mask: np.ndarray, rate: float) -> np.ndarray:
-    """Return low-passed series to which samples outside the mask add nothing, (k, n)."""
+    """Return low-passed series without the contribution of samples outside the mask, (k, n)."""
     if mask.all():
         return low_pass_rows(series, JUDGED_BELOW, rate)
     inside = mask.astype(float)
@@ -71,7 +71,7 @@ def _percent(above: float, below: float) -> float:
 
 
 def assess(friction: JointFriction, stretches: Iterable[Signals]) -> Quality:
-    """Return how well a joint's friction, with the rest of its dynamics, predicts the torque of stretches where it slides.
+    """Return the quality of a joint's predicted torque, all terms of the dynamics included, where it slides.
 
     Raises:
         InvalidInput: the model needs a channel that the log does not hold.
@@ -80,12 +80,12 @@ def assess(friction: JointFriction, stretches: Iterable[Signals]) -> Quality:
 
 
 def assess_parts(parts: Iterable[Part]) -> Quality:
-    """Return the same as `assess`, of stretches whose torque has been predicted already."""
+    """Return the result of `assess` for stretches with predicted torque."""
     return judge((s.torque, predicted, s.rate, s.sliding) for s, _, predicted, _ in parts)
 
 
 def assess_both(parts: Sequence[Part], others: Sequence[np.ndarray]) -> tuple[Quality, Quality]:
-    """Return what `assess_parts` does, and the same for other predictions of each part (n,), in less time than two calls."""
+    """Return the result of `assess_parts`, and that for other predictions of each part, (n,), faster than two calls."""
     both = zip(parts, others, strict=True)
     first, second = _qualities(((s.torque, [p, q], s.rate, s.sliding) for (s, _, p, _), q in both), 2)
     return first, second
@@ -93,7 +93,7 @@ def assess_both(parts: Sequence[Part], others: Sequence[np.ndarray]) -> tuple[Qu
 
 @dataclass(frozen=True, kw_only=True)
 class Grade:
-    """A joint's grade in one word; the limits of the grades are defined here only.
+    """A joint's grade in one word; the limits of the grades are defined in this module only.
 
     Attributes:
         level: for programs and colours.
@@ -105,7 +105,7 @@ class Grade:
 
 
 def credible(friction: JointFriction) -> bool:
-    """Return whether friction opposes motion at every velocity in the data, and the inertia is positive."""
+    """Return whether friction opposes motion at every velocity in the data, and the inertia is not significantly negative."""
     inertia = friction.dynamics.get("inertia")
     dissipates = friction.driving(friction.validity.lowest_speed or 0.0) is None
     if inertia is None:
@@ -115,7 +115,7 @@ def credible(friction: JointFriction) -> bool:
 
 
 def grade(friction: JointFriction) -> Grade:
-    """Return the grade of a joint: by plausibility first, then by its residual on held-out data where there is some."""
+    """Return the grade of a joint, by plausibility and by its residual, on held-out data if there are any."""
     quality, allowed = friction.held_out or friction.fitted, friction.verdict
     if quality is None or not math.isfinite(quality.residual):
         return Grade(level="unknown", word="not judged")

@@ -1,4 +1,4 @@
-"""What torque ramps show before a joint slides: stiffness, hysteresis and break-away (Iwatani 2017, 3.2.2, Fig. 3.3).
+"""Stiffness, hysteresis and break-away of a joint, from torque ramps (Iwatani 2017, 3.2.2, Fig. 3.3).
 
 Below break-away a joint only deflects. The deflection gives the stiffness between encoder and friction, if the encoder
 resolves it. Otherwise only a lower bound of the stiffness is known: torque divided by counts.
@@ -25,32 +25,32 @@ from backdrive.logs import filters
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step, white_noise
 
-VAGUE = 0.5  # a stiffness with a larger share of error is none [-]
-ROUNDING = 1e-6  # share of the range below which noise is what rounding leaves [-]
-NOISE = 3.0  # standard deviations by which noise makes an extreme of the torque larger [-]
-FEWEST = 100  # samples of a log that is taken for a ramp
-RAMPED = 0.7  # least share of a log of ramps that ramps [-]
-HELD = 0.1  # and in which the joint sticks meanwhile [-]
+VAGUE = 0.5  # largest relative standard error of a stiffness [-]
+ROUNDING = 1e-6  # noise below which it counts as rounding error, relative to the range of the torque [-]
+NOISE = 3.0  # contribution of noise to an extreme of the torque [standard deviation]
+FEWEST = 100  # least number of samples of a log of ramps
+RAMPED = 0.7  # least share of ramps in a log of ramps [-]
+HELD = 0.1  # least share of a log of ramps in which the joint sticks [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Presliding:
-    """What the ramps of one joint show before it slides.
+    """The presliding of one joint on torque ramps.
 
     Attributes:
-        branches: in which it sticks, first to last.
+        branches: parts of ramps in which the joint sticks, in order.
         count: resolution of the position [rad or m].
-        displacement: largest, before break-away [rad or m].
-        stiffness: secant, and its standard error [N.m/rad or N/m]; None below the encoder's resolution.
-        tangent: stiffness at the beginning of a branch, and its standard error [N.m/rad or N/m]; None likewise.
-        bound: a stiffness that is certainly exceeded [N.m/rad or N/m].
-        break_away: torque at which it began to slip, as measured, and its standard error: rising, falling [N.m or N]; None
-            where it did not.
+        displacement: largest displacement before break-away [rad or m].
+        stiffness: secant stiffness and its standard error [N.m/rad or N/m]; None below the encoder's resolution.
+        tangent: stiffness at the start of a branch and its standard error [N.m/rad or N/m]; None below that resolution.
+        bound: lower bound of the stiffness [N.m/rad or N/m].
+        break_away: torque at the start of a slip, as measured, and its standard error, for rising and for falling torque
+            [N.m or N]; None without a slip.
         largest: largest and smallest torque of the ramps [N.m or N].
         rest: torque before the first ramp [N.m or N].
-        width: of the hysteresis at its middle torque [rad or m]; NaN without a loop free of slip.
-        area: work lost in such a loop [J].
-        slip_speed: speed from which on the joint is taken to slide [rad/s or m/s].
+        width: of the hysteresis loop at its middle torque [rad or m]; NaN without a closed loop free of slip.
+        area: work lost in that loop [J].
+        slip_speed: speed above which the joint counts as sliding [rad/s or m/s].
     """
 
     branches: tuple[Branch, ...]
@@ -73,7 +73,7 @@ class Presliding:
 
 
 def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
-    """Return what torque ramps show of a joint before it slides.
+    """Return the presliding of a joint from torque ramps.
 
     Args:
         logs: with torque and position, each a ramp up, down and back.
@@ -124,10 +124,10 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
 
 
 def is_ramp(log: Log, joint: str | int) -> bool:
-    """Return whether a joint's torque goes to and fro in straight lines, and the joint slips at their end at most.
+    """Return whether a joint's torque moves up and down in straight lines, and the joint slips only at their ends.
 
     Args:
-        log: any.
+        log: any log.
         joint: name or column.
     """
     if log.torque is None or log.position is None:
@@ -144,7 +144,7 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     inner = [slice(a + edge, max(b - edge, a + 1)) for a, b in zip(turns, turns[1:], strict=False)]
     sizes = [part.stop - part.start for part in inner]
     if min(sizes) < SHORTEST:
-        return False  # no ramp is so short
+        return False  # too short for a ramp
     most = sum(sizes) * (STRAIGHT * float(np.ptp(smooth)) + white_noise(torque)) ** 2
     off = 0.0
     for part, size in zip(inner, sizes, strict=True):
@@ -160,7 +160,7 @@ def is_ramp(log: Log, joint: str | int) -> bool:
 
 
 def _elastic(branches: Sequence[Branch], count: float) -> tuple[bool, tuple[float, float] | None, bool]:
-    """Return whether the encoder resolves what the joint moves before it slides, its secant, and whether it may be a spring's."""
+    """Return whether the encoder resolves the presliding displacement, the secant stiffness, and whether it may be elastic."""
     resolved = max(float(np.ptp(b.position)) for b in branches) >= RESOLVED * count
     stiffness = _stiffness([b.secant for b in branches], branches, count) if resolved else None
     return (
@@ -171,7 +171,7 @@ def _elastic(branches: Sequence[Branch], count: float) -> tuple[bool, tuple[floa
 
 
 def _ends(torque: np.ndarray) -> tuple[float, float]:
-    """Return the smallest and the largest torque but for its noise [N.m or N]."""
+    """Return the smallest and the largest torque without the contribution of noise [N.m or N]."""
     low, high, noise = float(torque.min()), float(torque.max()), NOISE * white_noise(torque)
     if noise < ROUNDING * (high - low):
         return low, high
@@ -190,7 +190,7 @@ def _break_away(branches: Sequence[Branch], direction: int) -> tuple[float, floa
 def _stiffness(
     compliances: Sequence[tuple[float, float]], branches: Sequence[Branch], count: float
 ) -> tuple[float, float] | None:
-    """Return the stiffness by all branches; None where they do not agree on a sign."""
+    """Return the stiffness from all branches and its standard error; None if their mean compliance is not positive."""
     c = np.array([value for value, _ in compliances])
     spans = np.array([float(np.ptp(b.torque)) for b in branches])
     error = np.hypot([e for _, e in compliances], count / np.sqrt(12.0) / spans)
@@ -203,13 +203,13 @@ def _stiffness(
 
 
 def hysteresis_loop(logs: Sequence[Log], slips: Sequence[float]) -> tuple[float, float]:
-    """Return width [rad or m] and area [J] of the last closed hysteresis loop without slip; NaN where there is none.
+    """Return width [rad or m] and area [J] of the last closed hysteresis loop without slip; NaN if there is none.
 
     Iwatani 2017, Fig. 3.3.
 
     Args:
         logs: of one joint, torque ramps.
-        slips: speed from which on the joint slips, a log [rad/s or m/s].
+        slips: speed above which the joint slips, one per log [rad/s or m/s].
     """
     width, area = float("nan"), float("nan")
     for log, limit in zip(logs, slips, strict=True):

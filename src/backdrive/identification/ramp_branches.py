@@ -1,4 +1,4 @@
-"""Parts of torque ramps in which a joint sticks: the compliance in each, and the torque at which it begins to slip."""
+"""Parts of torque ramps in which a joint sticks: their compliance, and the torque at which the joint starts to slip."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 
-CUTOFF = 20.0  # corner of the low pass on torque and position of a ramp [Hz]
-BRANCH = 0.2  # a branch of a ramp covers at least this share of the whole torque range [-]
-SLIPS = 30.0  # a joint slips when it moves so many times faster than at the start of the ramp [-]
-FLICKER = 10.0  # and faster than so many counts in one period of the low pass [-]
-RESOLVED = 5.0  # displacement before break-away from which on a stiffness is given [count]
-START = 0.3  # share of a branch's torque, from its beginning, that gives the tangent [-]
+CUTOFF = 20.0  # cutoff frequency of the low pass on torque and position of a ramp [Hz]
+BRANCH = 0.2  # least torque range of a ramp, relative to the whole torque range [-]
+SLIPS = 30.0  # least speed of a slip, relative to the speed at the start of the ramp [-]
+FLICKER = 10.0  # least speed of a slip [count per period of the low pass]
+RESOLVED = 5.0  # least displacement before break-away that determines a stiffness [count]
+START = 0.3  # first part of a branch's torque range, which gives the tangent stiffness [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Branch:
-    """A stretch of one ramp in which the joint sticks and the torque goes one way.
+    """A part of one ramp in which the joint sticks and the torque changes in one direction.
 
     Attributes:
         torque: [N.m or N], (n,).
-        position: as read [rad or m], (n,).
-        direction: 1 where the torque rises, -1 where it falls.
-        break_away: torque at which the joint begins to slip at its end, and its uncertainty [N.m or N]; None where it does not.
+        position: as measured [rad or m], (n,).
+        direction: 1 for rising torque, -1 for falling torque.
+        break_away: torque at the start of the slip that ends the branch, and its uncertainty [N.m or N]; None without a slip.
     """
 
     torque: np.ndarray
@@ -44,15 +44,15 @@ class Branch:
 
     @property
     def tangent(self) -> tuple[float, float]:
-        """Compliance at the beginning of the branch and its standard error [rad/N.m or m/N]."""
+        """Compliance at the start of the branch and its standard error [rad/N.m or m/N]."""
         change = np.maximum.accumulate(np.abs(self.torque - self.torque[0]))
         part = slice(0, max(8, int(np.searchsorted(change, START * change[-1]))))
         return _compliance(self.torque[part], self.position[part])
 
     def bound(self, count: float) -> float:
-        """Return a stiffness that the joint certainly exceeds [N.m/rad or N/m].
+        """Return a lower bound of the stiffness [N.m/rad or N/m].
 
-        A reading that changes by n counts means a displacement below n + 1 counts.
+        If the reading changes by n counts, the displacement is below n + 1 counts.
 
         Args:
             count: resolution of the encoder [rad or m].
@@ -63,7 +63,7 @@ class Branch:
 
 
 def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
-    """Return the branches of one log, the speed from which on it slips, and the torque before the first ramp."""
+    """Return the branches of one log, the speed above which the joint slips, and the torque before the first ramp."""
     torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
     smooth, rate, cutoff = low_pass_torque(log)
     turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
@@ -75,7 +75,7 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
     stuck = np.abs(velocity) < slips
     for start, stop in spans(~stuck):
         if np.ptp(position[start:stop]) < RESOLVED * count:
-            stuck[start:stop] = True  # a toggling count is not a slip
+            stuck[start:stop] = True  # an encoder reading that toggles is not a slip
     settle = round(rate / cutoff)  # time over which the low pass spreads a slip
     result = []
 
@@ -105,23 +105,23 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
 
 
 def _before(torque: np.ndarray, smooth: np.ndarray, turns: np.ndarray, rate: float) -> float:
-    """Return the torque before the first ramp [N.m or N]: the mean of the time before, or where the ramp's line begins."""
+    """Return the torque before the first ramp [N.m or N]: the mean before it, or the start of the ramp's line."""
     first = line(torque, smooth, (int(turns[0]), int(turns[1])), rate) if turns[0] < EDGE * rate else None
     return float(torque[: turns[0] + 1].mean() if first is None else first.at(turns[:1])[0])
 
 
 def low_pass_torque(log: Log) -> tuple[np.ndarray, float, float]:
-    """Return the low-passed torque of a log's only joint [N.m or N], (n,), its sampling rate and the corner [Hz]."""
+    """Return the low-passed torque of a log's only joint [N.m or N], (n,), its sampling rate and the cutoff frequency [Hz]."""
     rate = 1.0 / log.period
     cutoff = min(CUTOFF, 0.1 * rate)
     return filters.low_pass(log.driving_torque[:, 0], cutoff, rate), rate, cutoff
 
 
 def _compliance(torque: np.ndarray, position: np.ndarray) -> tuple[float, float]:
-    """Return position over torque of one branch, and its standard error [rad/N.m or m/N].
+    """Return the compliance of one branch, the slope of position over torque, and its standard error [rad/N.m or m/N].
 
-    Both have noise, which would bias a regression of either on the other. Time has no noise, and both follow it, so it is the
-    instrumental variable (Durbin, Revue de l'Institut International de Statistique 22, 1954).
+    Both have noise, which would bias a regression of either on the other. Time has no noise and is correlated with both, so it
+    is the instrumental variable (Durbin, Revue de l'Institut International de Statistique 22, 1954).
     """
     u, x, t = torque - torque.mean(), position - position.mean(), np.linspace(-1.0, 1.0, torque.size)
     power = float(t @ u)

@@ -1,7 +1,7 @@
-"""Linear least squares over blocks of samples: robust weights, cross-validation and honest standard errors.
+"""Linear least squares over blocks of samples: robust weights, cross-validation and cluster-robust standard errors.
 
-Samples of a log are not independent. Blocks of neighbours are: they are what is held out in cross-validation, and what the
-standard errors are computed from (the cluster-robust sandwich of Liang & Zeger 1986).
+Neighbouring samples of a log are not independent, but blocks of them nearly are. Cross-validation holds out blocks, and the
+standard errors are computed from blocks (the cluster-robust sandwich of Liang & Zeger 1986).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
 
 NORMAL = 1.959964  # half width of a 95 % interval [standard error]
-MOST_NOISE = 0.5  # share of a column's mean square that is taken for noise, at most [-]
-WELL = 1e6  # condition number up to which an inverse is as exact as a pseudoinverse [-]
-HUBER = 1.345  # 95 % efficiency on normal residuals [standard deviation]
+MOST_NOISE = 0.5  # largest share of a column's mean square that is taken as noise [-]
+WELL = 1e6  # condition number up to which an inverse is as accurate as a pseudoinverse [-]
+HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +41,7 @@ class Blocks:
         return self.gram.sum(axis=0), self.moment.sum(axis=0)
 
     def solution(self) -> np.ndarray:
-        """Return the coefficients by all blocks together, (p,)."""
+        """Return the coefficients fitted to all blocks, (p,)."""
         return solve(*self.whole)
 
     def map_columns(self, spread: np.ndarray) -> Blocks:
@@ -51,10 +51,10 @@ class Blocks:
         )
 
     def without_noise(self, noise: float) -> Blocks:
-        """Return the equations less the noise of the first column, which biases its coefficient towards zero.
+        """Return the equations with the noise of the first column subtracted, since it biases the coefficient towards zero.
 
         Args:
-            noise: its mean square; subtracted up to half of the column's (Fuller, Measurement Error Models, 1987).
+            noise: mean square of the noise; at most half of the column's is subtracted (Fuller, Measurement Error Models, 1987).
         """
         rows, whole = float(self.rows.sum()), float(self.gram[:, 0, 0].sum())
         share = min(noise * rows, MOST_NOISE * whole) / max(rows, 1e-300)
@@ -63,7 +63,7 @@ class Blocks:
         return replace(self, gram=gram)
 
 
-RIDGE = 1e-13  # of the scaled normal equations: keeps directions that the data leave open small [-]
+RIDGE = 1e-13  # ridge weight in scaled normal equations, which keeps undetermined directions small [-]
 
 
 def solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
@@ -76,7 +76,7 @@ def solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
     scale = np.sqrt(np.maximum(gram.diagonal(axis1=-2, axis2=-1), 1e-300))
     scaled = np.divide(gram, scale[..., :, None] * scale[..., None, :], order="C")
     scaled.reshape(-1, gram.shape[-1] ** 2)[:, :: gram.shape[-1] + 1] += RIDGE  # the diagonals
-    if gram.ndim == 2:  # the common case, without what numpy does around it
+    if gram.ndim == 2:  # the common case, without the overhead of numpy
         _, solution, failure = dposv(scaled, moment / scale)
         if failure == 0:
             return solution / scale
@@ -96,13 +96,13 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
         y: right-hand side, (n,).
         w: weights, (n,).
         block: block of each sample, sorted, (n,).
-        blocks: how many there are.
+        blocks: number of blocks.
     """
     edges = np.searchsorted(block, np.arange(blocks + 1)).tolist()
     p = X.shape[1]
     rows = np.empty((len(y), p + 1))
     rows[:, :p], rows[:, p] = X, y
-    rows *= np.sqrt(w)[:, None]  # so that each product is of rows with themselves, which takes half the time
+    rows *= np.sqrt(w)[:, None]  # so that each product is symmetric, which takes half the time
     whole, weights = np.empty((blocks, p + 1, p + 1)), np.zeros(blocks)
     for b, (first, last) in enumerate(zip(edges, edges[1:], strict=False)):
         part = rows[first:last]
@@ -113,13 +113,13 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
 
 
 def robust_spread(residual: np.ndarray, w: np.ndarray | None = None) -> float:
-    """Return the standard deviation of residuals (with weight) by the median of their sizes; 0 where there are none."""
+    """Return the standard deviation of residuals with weight, from the median of their magnitudes; 0 if there are none."""
     size = np.abs(residual if w is None else residual[w > 0])
     return _spread_of(size) if size.size else 0.0
 
 
 def _spread_of(size: np.ndarray) -> float:
-    """Return the standard deviation of residuals by the median of their sizes, which are sorted in place."""
+    """Return the standard deviation of residuals, from the median of their magnitudes, which are partitioned in place."""
     half = size.size // 2  # not `np.median`, which takes twice the time for some thousand numbers
     size.partition(half)
     return 1.4826 * float(size[half] if size.size % 2 else 0.5 * (size[:half].max() + size[half]))
@@ -130,7 +130,7 @@ def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray
 
     Args:
         residual: of the fit, (...).
-        width: beyond which a residual counts less [unit of the residual].
+        width: magnitude above which a residual gets less weight [unit of the residual].
     """
     return np.minimum(1.0, width / np.maximum(np.abs(residual), 1e-300))
 
@@ -141,15 +141,15 @@ def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8)
 
 
 def robust_solution(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
-    """Return the coefficients by the weights that `robust_weights` returns, (p,)."""
+    """Return the coefficients for the weights of `robust_weights`, (p,)."""
     return _reweigh(X, y, w, rounds)[1]
 
 
 def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return Huber's weights times `w`, (n,), and the solution that they give, (p,)."""
+    """Return Huber's weights times `w`, (n,), and the solution for them, (p,)."""
     inside = np.flatnonzero(w)
     p, prior = X.shape[1], w[inside]
-    rows = np.empty((inside.size, p + 1))  # of X and y: one product gives both sides of the equations
+    rows = np.empty((inside.size, p + 1))  # X and y: one product gives both sides of the equations
     rows[:, :p], rows[:, p] = X.take(inside, axis=0), y[inside]
     weighted = rows if np.all(prior == 1.0) else rows * prior[:, None]
     whole = weighted.T @ rows
@@ -162,11 +162,11 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
     lighter, lost = inside[:0], prior[:0]
     for _ in range(rounds):
         minus[:p] = _solve_unit(equations)
-        size = np.abs(rows @ minus)  # of y less what the solution predicts
+        size = np.abs(rows @ minus)  # magnitudes of the residuals
         width = HUBER * _spread_of(size.copy()) if count else 0.0
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
-        part = rows.take(lighter, axis=0)  # few: the equations of all, less what these lose
+        part = rows.take(lighter, axis=0)  # few rows, whose lost weight is subtracted from all equations
         part *= np.sqrt(lost)[:, None]
         equations = whole - part.T @ part
     weights = prior.copy()
@@ -177,14 +177,14 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
 
 
 def _solve_unit(equations: np.ndarray) -> np.ndarray:
-    """Return the solution of X'X next to X'y of columns of about unit length, (p,)."""
+    """Return the solution of normal equations [X'X, X'y] with columns of about unit length, (p,)."""
     p = len(equations) - 1
     _, solution, failure = dposv(equations[:p, :p], equations[:p, p])
     return solution if failure == 0 else np.linalg.solve(equations[:p, :p], equations[:p, p])
 
 
 def block_losses(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
-    """Return the weighted squared error of every block by coefficients of its own, (B, p) -> (B,)."""
+    """Return the weighted squared error of every block, (B,), for its own coefficients, (B, p)."""
     slope = (blocks.gram @ theta[..., None])[..., 0] - 2.0 * blocks.moment
     return blocks.power + (slope * theta).sum(axis=1)
 
@@ -195,7 +195,7 @@ def leave_one_out_solutions(blocks: Blocks) -> np.ndarray:
 
 
 def solutions(blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
-    """Return the coefficients by all blocks together, (p,), and without each block, (B, p)."""
+    """Return the coefficients fitted to all blocks, (p,), and those without each block, (B, p)."""
     gram, moment = blocks.whole
     grams, moments = (
         np.empty((len(blocks.gram) + 1, *gram.shape)),
@@ -209,7 +209,7 @@ def solutions(blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
-    """Return the covariance of `theta` from the spread of the blocks' scores, (p, p)."""
+    """Return the covariance of `theta` from the scatter of the blocks' scores, (p, p)."""
     scores = (blocks.moment - blocks.gram @ theta)[blocks.rows > 0]
     return cluster_covariance(invert(blocks.whole[0]), scores)
 
@@ -217,27 +217,27 @@ def sandwich(blocks: Blocks, theta: np.ndarray) -> np.ndarray:
 def cluster_covariance(inverse: np.ndarray, scores: np.ndarray) -> np.ndarray:
     """Return the covariance of a fit from its scores, summed over blocks that are taken as independent, (p, p).
 
-    It is widened as Student's distribution is with that few blocks, so that two standard errors hold 95 %.
+    It is widened by Student's distribution for the number of blocks, so that 1.96 standard errors correspond to 95 %.
 
     Args:
         inverse: of the normal equations, (p, p).
-        scores: regressor times residual, a block a row, (B, p).
+        scores: regressor times residual, one block per row, (B, p).
     """
     used = max(len(scores), 2)
     return inverse @ (scores.T @ scores) @ inverse * used / (used - 1) * few(used) ** 2
 
 
 def few(blocks: int) -> float:
-    """Return the quantile of Student's distribution by so many blocks over that of the normal one, to 1 % [-]."""
+    """Return the 97.5 % quantile of Student's distribution for a number of blocks, divided by the normal one, to 1 % [-]."""
     return 1.0 + 1.22 / (blocks - 1)
 
 
 def widen_covariance(covariance: np.ndarray, freedom: float) -> np.ndarray:
-    """Return a covariance widened so that 1.96 standard errors hold what Student's quantile would, (p, p).
+    """Return a covariance widened so that 1.96 standard errors correspond to Student's 97.5 % quantile, (p, p).
 
     Args:
-        covariance: as estimated from residuals, (p, p).
-        freedom: degrees of freedom that these have, at least 1.
+        covariance: estimated from residuals, (p, p).
+        freedom: degrees of freedom of the residuals; at least 1 is used.
     """
     from scipy.special import stdtrit
 
@@ -245,7 +245,7 @@ def widen_covariance(covariance: np.ndarray, freedom: float) -> np.ndarray:
 
 
 def classical(X: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Return the covariance of an ordinary least-squares fit whose errors are independent and of one size, (p, p).
+    """Return the covariance of an ordinary least-squares fit with independent errors of equal variance, (p, p).
 
     Args:
         X: regressor, (n, p).
@@ -256,16 +256,16 @@ def classical(X: np.ndarray, residual: np.ndarray) -> np.ndarray:
 
 
 def invert(gram: np.ndarray, least: float = 1e-10) -> np.ndarray:
-    """Return the inverse of normal equations scaled to unit columns, 0 for what they leave open, (p, p).
+    """Return the pseudoinverse of normal equations scaled to unit columns, (p, p).
 
     Args:
         gram: X'X, or Z'X with instruments Z, (p, p).
-        least: singular value, by the largest, below which they leave it open [-].
+        least: singular value below which a direction is undetermined, relative to the largest one [-].
     """
     scale = np.sqrt(np.maximum(np.abs(gram.diagonal()), 1e-300))
     size = scale[:, None] * scale
     scaled = gram / size
-    with suppress(np.linalg.LinAlgError):  # where nothing is left open, in a quarter of the time
+    with suppress(np.linalg.LinAlgError):  # if all directions are determined, in a quarter of the time
         inverse = np.linalg.inv(scaled)
         if np.vdot(scaled, scaled) * np.vdot(inverse, inverse) < WELL**2:
             return inverse / size
@@ -279,12 +279,12 @@ def long_run(z: np.ndarray, width: int | None = None) -> np.ndarray:
 
     Args:
         z: rows of mean zero, (k, n).
-        width: [sample]; None: the square root of the samples.
+        width: lag at which the weights reach zero [sample]; None: the square root of the number of samples.
     """
     width = width or int(np.sqrt(z.shape[1])) + 1
     rest = np.zeros((z.shape[0], width))
     total = np.cumsum(np.hstack([rest, z, rest]), axis=1)
-    sums = total[:, width:] - total[:, :-width]  # triangular weights are those of overlapping sums
+    sums = total[:, width:] - total[:, :-width]  # sums over overlapping windows give triangular weights
     return sums @ sums.T / width
 
 

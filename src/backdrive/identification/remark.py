@@ -14,8 +14,8 @@ from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 from backdrive.model import JointFriction
 
-SURE = 3.0  # standard errors by which something differs
-EARLY = 0.8  # of Coulomb friction: no joint breaks away below it [-]
+SURE = 3.0  # least significance of a difference [standard error]
+EARLY = 0.8  # least possible break-away torque, relative to Coulomb friction [-]
 SHARE = 0.05  # least difference, relative to the value itself or to the friction [-]
 ONE_WAY_ONLY = "The joint moved in one direction only: friction and a constant torque cannot be separated."
 Severity = Literal["poor", "unknown", "care", "note"]
@@ -26,8 +26,8 @@ class Remark:
     """The result of a rule.
 
     Attributes:
-        severity: the grade that it allows; a `note` leaves the grade as it is.
-        sentence: with the numbers.
+        severity: the best grade that the remark allows; a `note` does not change the grade.
+        sentence: the text, with numbers.
     """
 
     severity: Severity
@@ -36,12 +36,12 @@ class Remark:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """What the rules look at.
+    """The data of one joint that the rules check.
 
     Attributes:
         friction: of one joint.
         evidence: of the same joint.
-        logs: that were fitted.
+        logs: fitted logs.
     """
 
     friction: JointFriction
@@ -50,12 +50,12 @@ class Case:
 
     @property
     def residual(self) -> Residual | None:
-        """Means of what the model leaves; None where the method gives none."""
+        """Residual of the model in short means; None if the method has none."""
         return self.evidence.residual
 
     @cached_property
     def count(self) -> float:
-        """The encoder's step [rad or m]; 0 where positions come in none."""
+        """The encoder's step [rad or m]; 0 if the positions have no steps."""
         name = self.friction.joint.name
         return max((encoder_step(log.select(name)) for log in self.logs), default=0.0)
 
@@ -65,6 +65,6 @@ class Case:
         return self.friction.joint.torque_unit
 
     def value(self, term: str) -> tuple[float, float]:
-        """Return value and standard error of a term; NaN where there is none."""
+        """Return value and standard error of a term; NaN if the model lacks the term."""
         estimate = self.friction.dynamics.get(term)
         return (math.nan, math.nan) if estimate is None else (estimate.value, estimate.standard_error)

@@ -1,9 +1,8 @@
-"""The choice of the repairs of a log that are kept: those that lower the held-out error, and those without which the log is
-refused.
+"""The choice of a log's repairs: those that lower the held-out error, and those without which the log would be refused.
 
-So a false finding cannot spoil a good log. Repairs of wrong or late samples are tested one at a time: the joints concerned
-are identified with and without the repair, with all other repairs made. A residual cannot show a wrong sign, unit, number
-overflow or clock that runs back. Those repairs follow from the channels themselves and are always made.
+A false finding thus cannot spoil a good log. Repairs of wrong or late samples are tested one at a time. The affected joints are
+identified with and without the repair, with all other repairs made. A residual does not reveal a wrong sign or unit, an
+overflow, or a clock that runs backwards. Those repairs follow from the channels themselves and are always made.
 """
 
 from __future__ import annotations
@@ -17,20 +16,20 @@ from backdrive.logs.log import Log
 
 #: Checks whose repairs can be tested on held-out blocks.
 COMPARED = ("stuck", "outlier", "time-slip")
-TIE = 0.02  # share by which residuals with and without a repair must differ to tell them apart [-]
+TIE = 0.02  # least relative difference of the residuals with and without a repair that counts [-]
 
 
 def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) -> Log:
-    """Pass a log through the health gate; suspect findings are added to the warnings, and an error names the file.
+    """Check a log's health and return it, repaired if asked for; suspect findings are added to the warnings.
 
     Args:
-        log: any.
-        accept: names of checks whose findings are taken as they are.
+        log: any log.
+        accept: names of checks whose findings are accepted.
         repair: make the safe repairs that help; see `useless`.
-        warnings: sentences are added to it.
+        warnings: list to which sentences are added.
 
     Raises:
-        UnhealthyLog: a finding that spoils is neither accepted nor repaired.
+        UnhealthyLog: a finding that would spoil the result is neither accepted nor repaired; the error names the file.
         UnknownName: a name in `accept` is not a check.
     """
     where = f"{log.sources[0].path}: " if log.sources else ""
@@ -49,21 +48,19 @@ def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) 
 
 
 def apply_repairs(log: Log, accept: Sequence[str] = ()) -> tuple[Log, list[str]]:
-    """Return a log with the repairs that help, even if it would still be refused, and the reasons why other repairs were
-    undone.
-    """
+    """Return a log with the repairs that help, even if it would still be refused, and a sentence for each repair undone."""
     undone = useless(log, accept)
     return health.mend(log, [*accept, *undone]), list(undone.values())
 
 
 def useless(log: Log, accept: Sequence[str] = ()) -> dict[str, str]:
-    """Return the repairs that do not help, by the name of their check, each with a sentence.
+    """Return a sentence for each repair that does not help, by the name of its check.
 
-    A repair helps where it lowers the residual on unseen blocks. One that neither lowers nor raises it is made where the log
-    would be refused without. In logs without torque nothing is compared.
+    A repair helps if it lowers the residual on held-out blocks. A repair that hardly changes the residual is kept if the log
+    would be refused without it. Logs without torque are not tested.
 
     Args:
-        log: any.
+        log: any log.
         accept: names of checks whose findings are not repaired.
     """
     if log.torque is None:
@@ -95,7 +92,7 @@ def useless(log: Log, accept: Sequence[str] = ()) -> dict[str, str]:
 
 
 def _unseen(log: Log, joints: Sequence[str]) -> float:
-    """Return the mean residual of joints on unseen blocks [%]; infinity where one cannot be identified."""
+    """Return the mean residual of joints on held-out blocks [%]; infinity if one cannot be identified."""
     from backdrive.identification.motion import identify_motion
 
     try:
@@ -107,7 +104,7 @@ def _unseen(log: Log, joints: Sequence[str]) -> float:
 
 
 def _without_acceptance(log: Log, undone: dict[str, str]) -> Log:
-    """Return a log without the notes that a person accepted what was not repaired."""
+    """Return a log without notes on acceptance for findings whose repair was undone."""
     starts = tuple(f"Accepted [{name}]" for name in undone)
     return (
         log.replace(notes=tuple(note for note in log.notes if not note.startswith(starts))) if undone else log

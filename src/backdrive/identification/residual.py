@@ -1,9 +1,9 @@
-"""The torque residual of a model, in short means, and tests of what explains it: position, load, time, delay.
+"""The torque residual of a model, in short means, and tests of its causes: position, load, time, delay.
 
-A column explains the residual where its coefficient differs from zero by an F test whose covariance comes from the scores of blocks
-of neighbouring means (Liang & Zeger 1986), so that noise may be coloured. The terms of any single-axis model (inertia,
-gravity, a line and a constant for each direction) are removed from column and residual first. So a term that the model omits
-for good reason does not count.
+A column explains the residual if an F test shows that its coefficient differs from zero. The test's covariance comes from the
+scores of blocks of neighbouring means (Liang & Zeger 1986), so noise may be coloured. The terms of any single-axis model
+(inertia, gravity, a line and a constant for each direction) are first removed from column and residual. A term that the model
+omits for good reason therefore does not count.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
-FEWEST_BLOCKS = 8  # more than there are columns, for a test
-SECTIONS = 6  # of the curve that a delay is sought beside
-WILD = 8.0  # a sample farther off than so many standard deviations is wild
-FEWEST_MOVES = 6  # with fewer moves in each direction, no delay is estimated
-LATEST = 0.15  # longest delay that is sought [s]
-FINEST = 60.0  # waves a radian or metre by 2 pi, at most [rad/rad or rad/m]
-APART = 0.05  # least share of a column that the other dynamics cannot explain [-]
-MOST = 4_000_000  # numbers looked at in search of a wave
+FEWEST_BLOCKS = 8  # least number of blocks for a test, in excess of the number of columns
+SECTIONS = 6  # number of sections of the curve that is fitted for a delay
+WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
+FEWEST_MOVES = 6  # least number of moves for the estimate of a delay
+LATEST = 0.15  # longest delay of the search [s]
+FINEST = 60.0  # largest wave number over position [rad/rad or rad/m]
+APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
+MOST = 4_000_000  # largest product of means and wave numbers in the search for a wave
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
 
 @dataclass(frozen=True, kw_only=True)
 class Explanation:
-    """What some columns explain of a residual.
+    """The part of a residual that some columns explain.
 
     Attributes:
-        size: root mean square of the columns' contribution to the torque, with the part that other dynamics could explain
-            [N.m or N].
+        size: root mean square of the columns' contribution to the torque, including the part that other dynamics could
+            explain [N.m or N].
         chance: probability that noise explains as much [-].
-        coefficients: of the columns, in the order of these.
-        beyond: the same without the part that other dynamics could explain [N.m or N].
-        wave: of a position, where one was sought [rad/rad or rad/m].
+        coefficients: of the columns, in their order.
+        beyond: root mean square without the part that other dynamics could explain [N.m or N].
+        wave: wave number over position, if the columns are a wave [rad/rad or rad/m].
     """
 
     size: float
@@ -60,19 +60,19 @@ class Residual:
 
     Attributes:
         time: [s], (n,).
-        position: [rad or m], (n,); NaN where the log has none.
+        position: [rad or m], (n,); NaN if the log has none.
         velocity: [rad/s or m/s], (n,).
         acceleration: [rad/s^2 or m/s^2], (n,).
         torque: measured [N.m or N], (n,).
-        friction: measured torque less the rest of the dynamics [N.m or N], (n,).
+        friction: measured torque minus all terms of the dynamics but friction [N.m or N], (n,).
         predicted: torque by the model [N.m or N], (n,).
-        known: torque known from elsewhere [N.m or N], (n,); zero without.
+        known: model torque, of gravity and other axes [N.m or N], (n,); zero if the log has none.
         part: number of the stretch, (n,).
         moving: False in long rests, (n,).
-        sliding: away from rests and reversals, (n,).
-        period: between means [s].
-        wild: share of the samples that are far off their neighbours [-].
-        step: of the torque's readings [N.m or N]; 0 where they come in none.
+        sliding: True away from rests and reversals, (n,).
+        period: time between means [s].
+        wild: share of single outliers among the samples [-].
+        step: of the measured torque [N.m or N]; 0 without steps.
     """
 
     time: np.ndarray
@@ -92,12 +92,12 @@ class Residual:
 
     @property
     def torque_error(self) -> np.ndarray:
-        """Measured less predicted torque [N.m or N], (n,)."""
+        """Measured minus predicted torque [N.m or N], (n,)."""
         return self.torque - self.predicted
 
     @cached_property
     def size(self) -> float:
-        """Mean size of the friction while the joint slides [N.m or N]; NaN where it never does."""
+        """Mean magnitude of the friction while the joint slides [N.m or N]; NaN if it never slides."""
         return float(np.mean(np.abs(self.friction[self.sliding]))) if self.sliding.any() else np.nan
 
     @cached_property
@@ -108,7 +108,7 @@ class Residual:
 
     @cached_property
     def columns(self) -> np.ndarray:
-        """What any model of a single axis may hold, (n, p)."""
+        """Columns of all terms of a single-axis model, (n, p)."""
         way = np.sign(self.velocity)
         rows = [way, self.velocity, np.abs(self.velocity), np.ones_like(way), self.acceleration]
         if np.isfinite(self.position).all():
@@ -119,12 +119,12 @@ class Residual:
 
     @cached_property
     def _basis(self) -> np.ndarray:
-        """Return orthonormal columns of what any model may hold, (n, r)."""
+        """Return an orthonormal basis of the single-axis columns, (n, r)."""
         return _orthonormal(self.columns)
 
     @cached_property
     def _error_apart(self) -> np.ndarray:
-        """Return what the model leaves without what any model may hold [N.m or N], (n,)."""
+        """Return the residual without the part that the single-axis columns explain [N.m or N], (n,)."""
         return self._apart(self.torque_error)
 
     def _apart(self, columns: np.ndarray) -> np.ndarray:
@@ -132,14 +132,14 @@ class Residual:
 
     @cached_property
     def _blocks(self) -> np.ndarray:
-        """First mean of each block, (B,)."""
+        """Index of the first mean of each block, (B,)."""
         return np.arange(0, self.time.size, max(round(BLOCK / self.period), 1))
 
     def explain(self, *columns: np.ndarray) -> Explanation | None:
-        """Return what columns explain beside what any model may hold; None where the log is too short to tell.
+        """Return the explanation by columns in addition to the single-axis ones; None if the data do not suffice.
 
         Args:
-            columns: one value a mean, (n,) each.
+            columns: one value per mean, (n,) each.
         """
         whole, k = np.stack(columns, axis=1), len(columns)
         B = self._blocks.size
@@ -147,9 +147,9 @@ class Residual:
             return None
         size, Z = np.linalg.norm(whole, axis=0), self._apart(whole)
         if not np.all(np.linalg.norm(Z, axis=0) > APART * size):
-            return None  # the motion does not tell them from the rest
+            return None  # the motion does not separate them from the other terms
         left = self._error_apart
-        if k == 1:  # the common case, without what numpy does around it
+        if k == 1:  # the common case, without the overhead of numpy
             power = float(Z[:, 0] @ Z[:, 0])
             if not power > 0.0:
                 return None
@@ -173,10 +173,10 @@ class Residual:
         )
 
     def waves(self, *factors: np.ndarray) -> list[Explanation | None]:
-        """Return what the best wave over position explains with each factor; None where no position tells.
+        """Return the explanation by the best wave over position, for each factor; None without sufficient positions.
 
         Args:
-            factors: of the wave, such as the sign of the velocity, (n,) each.
+            factors: factors on the wave, such as the sign of the velocity, (n,) each.
         """
         none: list[Explanation | None] = [None] * len(factors)
         if self.time.size < 2 or not np.isfinite(self.position).all():
@@ -195,18 +195,18 @@ class Residual:
         ]
 
     def _explain_wave(self, wave: float, factor: np.ndarray, tried: int) -> Explanation | None:
-        """Return what a wave explains that is the best of so many."""
+        """Return the explanation by a wave that is the best of several tried ones."""
         phase = wave * self.position
         result = self.explain(factor * np.sin(phase), factor * np.cos(phase))
         return result and replace(result, wave=wave, chance=min(result.chance * tried, 1.0))
 
     def _powers(self, waves: np.ndarray, step: float, factors: np.ndarray) -> np.ndarray:
-        """Return by how much equally spaced waves lower the squared residual beside what any model may hold, (F, W).
+        """Return the reduction of the squared residual by waves, in addition to the single-axis columns, (F, W).
 
         Args:
-            waves: of the position [rad/rad or rad/m], (W,).
-            step: between them.
-            factors: that each is tried with, (F, n).
+            waves: equally spaced wave numbers [rad/rad or rad/m], (W,).
+            step: distance of the wave numbers.
+            factors: factors on each wave, (F, n).
         """
         circling, turn = np.exp(1j * waves[0] * self.position), np.exp(1j * step * self.position)
         own, weight = np.column_stack([self._error_apart, self._basis]), factors**2
@@ -216,7 +216,7 @@ class Residual:
         )
         for k in range(waves.size):
             both[2 * k], both[2 * k + 1] = np.imag(circling), np.real(circling)  # sine and cosine
-            double[:, k] = weight @ (circling * circling)  # whose parts are cos^2 - sin^2 and 2 sin cos
+            double[:, k] = weight @ (circling * circling)  # real part cos^2 - sin^2, imaginary part 2 sin cos
             circling *= turn
         sums = [both @ (factor[:, None] * own) for factor in factors]
         pair = np.reshape(sums, (len(factors), waves.size, 2, -1))
@@ -228,10 +228,10 @@ class Residual:
         return np.einsum("fwi,fwij,fwj->fw", moment, inverse, moment)
 
     def delay(self, *others: np.ndarray) -> tuple[float, float] | None:
-        """Return by how much torque comes later than motion [s], and the residual there by that without a delay [-].
+        """Return the delay of the torque behind the motion [s], and the residual relative to that without a delay [-].
 
-        A curve of the velocity and the rest of a single axis are fitted to torque at every shift; None where the log is too short,
-        or no shift within the range is best.
+        A friction curve and the other terms of a single axis are fitted to torque at every shift. The result is None if the log
+        is too short, or the best shift is at a limit of the range.
 
         Args:
             others: further columns of the joint's model, (n,) each.
@@ -262,17 +262,17 @@ class Residual:
 
 
 def _orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis of what columns span, (n, r)."""
+    """Return an orthonormal basis of the space spanned by columns, (n, r)."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     u, s, _ = np.linalg.svd(scaled, full_matrices=False)
     return u[:, s > 1e-6 * s[0]] if s.size else u
 
 
 def residual_of(parts: Sequence[Part]) -> Residual | None:
-    """Return the means of what a model leaves; None where there is no motion.
+    """Return the residual of a model in short means; None without samples.
 
     Args:
-        parts: signals, measured friction, predicted torque [N.m or N] and whether the fit saw them.
+        parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted.
     """
     parts = [part for part in parts if part[0].time.size]
     if not parts:

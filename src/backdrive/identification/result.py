@@ -21,16 +21,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
-    """Measured against explained, sample by sample; thinned to at most some thousand for pictures.
+    """Measured and predicted samples, thinned to a few thousand for pictures.
 
     Attributes:
         time: instants [s], (n,).
         position: joint position [rad or m], (n,); NaN where the log has none.
         velocity: joint velocity [rad/s or m/s], (n,).
         torque: measured actuator torque [N.m or N], (n,).
-        friction: measured torque less the identified rest of the dynamics [N.m or N], (n,).
+        friction: measured torque minus all identified terms but friction [N.m or N], (n,).
         predicted: the model's total torque [N.m or N], (n,).
-        fitted: True where the fit saw the sample, False where it was held out, (n,).
+        fitted: True for fitted samples, False for held-out ones, (n,).
     """
 
     time: np.ndarray
@@ -54,7 +54,7 @@ class Curve:
     Attributes:
         velocity: sorted, both directions [rad/s or m/s], (m,).
         torque: friction [N.m or N], (m,).
-        standard_error: of `torque` [N.m or N], (m,); NaN when unknown.
+        standard_error: of `torque` [N.m or N], (m,); NaN if unknown.
     """
 
     velocity: np.ndarray
@@ -64,18 +64,18 @@ class Curve:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointEvidence:
-    """What supports one joint's result.
+    """The evidence for one joint's result.
 
     Attributes:
         joint: its name.
-        samples: measured against explained.
+        samples: measured and predicted samples.
         curve: the friction curve with its band.
         verdict: the result in one or two sentences for a person.
         presliding: None, or displacement [rad or m] and torque [N.m or N] of a ramp, (n, 2).
-        bands: how far measured torque lies from the predicted one, by state of motion.
-        long_run: standard deviation of the mean, over one second, of what the model leaves of the torque [N.m or N].
-        residual: what the model leaves, in short means; None where the method has none.
-        precision: of the method `arm`, expected beside achieved standard errors of the joint's friction and its link's bodies.
+        bands: deviation of measured from predicted torque, by state of motion.
+        long_run: standard deviation of the torque residual's mean over one second [N.m or N].
+        residual: the torque residual in short means; None if the method has none.
+        precision: expected and achieved standard errors of the joint's friction and its link's bodies; method `arm` only.
     """
 
     joint: str
@@ -95,14 +95,14 @@ class Identification(Display):
 
     Attributes:
         model: the friction model.
-        evidence: one entry a joint, in the model's order.
-        method: the method that ran.
-        reason: why that method, in a sentence.
+        evidence: one entry per joint, in the model's order.
+        method: the method used.
+        reason: reason for the method, in a sentence.
         warnings: what makes the whole result suspect, in sentences.
-        notes: what readers and repairs did to the data, in sentences.
-        choices: of a search, the laws that were tried: one a joint, in the model's order.
-        intervals: of a search, 95 % intervals of every number that was sought, by joint and name [SI].
-        stopped: a person interrupted the search; this is what had been found.
+        notes: changes of the data by readers and repairs, in sentences.
+        choices: laws tried by a search, one entry per joint, in the model's order.
+        intervals: 95 % intervals of all parameters estimated by a search, by joint and name [SI].
+        stopped: a person interrupted the search; this is the best result so far.
     """
 
     model: FrictionModel
@@ -119,11 +119,11 @@ class Identification(Display):
         return f"<Identification of {', '.join(self.model.names)} by {self.method}>"
 
     def report(self, path: str | Path, *, command: str = "", title: str | None = None) -> Path:
-        """Write the report: one HTML file with curves, residuals, warnings and where all comes from.
+        """Write the report: one HTML file with curves, residuals, warnings and the origin of the data.
 
         Args:
             path: of the file.
-            command: that made it, to be copied.
+            command: the command that produced the result, to be copied.
             title: of the report.
 
         Raises:
@@ -134,7 +134,7 @@ class Identification(Display):
         return upper("report", "write_report")(self, path, command=command, title=title)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return plain values: the model file's document, and beside it method, reason, verdicts, warnings and notes."""
+        """Return plain values: the document of the model file, with method, reason, verdicts, warnings and notes."""
         from backdrive.identification.quality import grade
 
         return {
@@ -151,7 +151,7 @@ class Identification(Display):
 
         Raises:
             UnknownName: there is no such joint.
-            InvalidInput: no search was made.
+            InvalidInput: the method was not a search.
         """
         name = self.model.joint(joint).joint.name
         for choice in self.choices:

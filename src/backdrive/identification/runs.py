@@ -13,17 +13,17 @@ from backdrive.logs.filters import derivative
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import white_noise
 
-LEAST_RUNS = 4  # fewer runs do not make a curve
-LEAST_TIME = 0.3  # a plateau inside a longer log lasts at least so long [s]
-STEADY = 0.08  # and stays this close to its level [share of the level]
-SMOOTH = 0.05  # means over so long tell where a run starts and stops [s]
-STARTING = 0.5  # a log contains a start (or stop) if its first (or last) moment is slower than this share of its level [-]
-UP_TO_SPEED = 0.95  # and has started where this share is reached [-]
-LEAST_SHARE = 0.5  # least share of a log that is one run, without start and stop [-]
-SEEN = 0.25  # gravity must explain so much of the torque's variance within the runs [-]
-SURE = 10.0  # or be so many standard errors [-]
-UNEVEN = 0.25  # standard deviation of the velocity by its mean, beyond which a run did not keep its speed [-]
-CERTAIN = 3.0  # the variation must exceed the encoder's noise by this many standard errors of that noise [-]
+LEAST_RUNS = 4  # least number of runs for a curve
+LEAST_TIME = 0.3  # least duration of a plateau inside a longer log [s]
+STEADY = 0.08  # largest standard deviation of the velocity on a plateau, relative to its mean [-]
+SMOOTH = 0.05  # length of the means that locate the start and the stop of a run [s]
+STARTING = 0.5  # first or last speed that indicates a start or a stop, relative to the level [-]
+UP_TO_SPEED = 0.95  # speed at which a start has ended, relative to the level [-]
+LEAST_SHARE = 0.5  # least share of constant velocity in a log of one run [-]
+SEEN = 0.25  # least share of the torque's variance within runs that an accepted gravity explains [-]
+SURE = 10.0  # least significance of an accepted gravity that explains less [standard error]
+UNEVEN = 0.25  # largest standard deviation of a steady run's velocity, relative to its mean [-]
+CERTAIN = 3.0  # least significance of a velocity variation above encoder noise [standard error]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +36,7 @@ class Run:
         uneven: the velocity's standard deviation exceeds a quarter of its mean, the encoder's noise aside (stick-slip).
         start: first instant [s].
         pull: means of sin q and cos q over the run; None for a linear joint or without position.
-        within: scatter of (sin q, cos q, torque) about their means, (3, 3); None like `pull`.
+        within: scatter of (sin q, cos q, torque) about their means, (3, 3); None if `pull` is None.
     """
 
     velocity: float
@@ -73,7 +73,7 @@ def _run(
 
 
 def find_runs(log: Log, joint: str | int) -> list[Run]:
-    """Return the constant-velocity runs of one joint: the whole log where it is one, else its plateaus.
+    """Return the constant-velocity runs of one joint: the whole log if it is one run, or else its plateaus.
 
     Raises:
         InvalidInput: the log holds no torque.
@@ -108,7 +108,7 @@ def _uneven(velocity: np.ndarray, period: float, encoder: float) -> bool:
     Args:
         velocity: of a run [rad/s or m/s], (n,).
         period: sampling interval [s].
-        encoder: standard deviation of the noise of the positions that the velocity is the derivative of [rad or m].
+        encoder: standard deviation of the noise of the differentiated positions [rad or m]; 0 for a measured velocity.
     """
     allowed = (UNEVEN * float(np.mean(velocity))) ** 2
     if not float(np.var(velocity)) > allowed:
@@ -117,7 +117,7 @@ def _uneven(velocity: np.ndarray, period: float, encoder: float) -> bool:
         return True
     for width in (1, max(1, round(SMOOTH / period))):
         means = velocity[: velocity.size // width * width].reshape(-1, width).mean(axis=1)
-        # a mean of central differences is that of two positions at each end
+        # a mean of central differences depends only on two positions at each end
         noise = encoder**2 / (width * period) ** 2 * (0.5 if width == 1 else 1.0)
         chance = 1.0 + CERTAIN * np.sqrt(2.0 * 3.0 / max(means.size, 1))  # neighbours share positions
         if means.size > 2 and float(np.var(means)) > allowed + noise * chance:
@@ -126,7 +126,7 @@ def _uneven(velocity: np.ndarray, period: float, encoder: float) -> bool:
 
 
 def whole_run(log: Log, joint: str | int) -> bool:
-    """Say whether a log keeps one velocity throughout, but for a start and a stop."""
+    """Return whether a log has one constant velocity, except for a start and a stop."""
     if len(log) < 20:
         return False
     velocity = _velocity(log.select(joint))
@@ -139,7 +139,7 @@ def _velocity(log: Log) -> np.ndarray:
 
 
 def _level(velocity: np.ndarray, period: float) -> slice | None:
-    """Return the part of a log that keeps one velocity, without start and stop; None where it does not keep it for long enough.
+    """Return the part of a log with one constant velocity, without start and stop; None if that part is too short.
 
     Args:
         velocity: as measured, noise of an encoder and stick-slip included [rad/s or m/s], (n,).
@@ -164,7 +164,7 @@ def _level(velocity: np.ndarray, period: float) -> slice | None:
 
 
 def _smooth(velocity: np.ndarray, period: float) -> np.ndarray:
-    """Return means over a moment about each sample, shorter at the ends, (n,)."""
+    """Return centered moving means over `SMOOTH`, shorter at the ends, (n,)."""
     half = min(round(0.5 * SMOOTH / period), velocity.size // 2)
     total = np.concatenate([[0.0], np.cumsum(velocity)])
     index = np.arange(velocity.size)
@@ -173,7 +173,10 @@ def _smooth(velocity: np.ndarray, period: float) -> np.ndarray:
 
 
 def _keeps_level(velocity: np.ndarray, smooth: np.ndarray) -> bool:
-    """Say whether the means of the thirds agree and none is zero: single samples may jump (stick-slip, an encoder's noise)."""
+    """Return whether the means of the thirds agree, none is zero, and the motion hardly reverses.
+
+    Single samples may jump because of stick-slip or encoder noise.
+    """
     levels = [float(np.mean(part)) for part in np.array_split(velocity, 3)]
     if np.mean(smooth * np.sign(np.mean(velocity)) < 0.0) > 0.1:  # it moves to and fro
         return False
@@ -181,7 +184,7 @@ def _keeps_level(velocity: np.ndarray, smooth: np.ndarray) -> bool:
 
 
 def _plateaus(velocity: np.ndarray, period: float) -> list[tuple[int, int]]:
-    """Return the start and end of every stretch that keeps its velocity."""
+    """Return start and end of every stretch with constant velocity."""
     width = max(3, int(LEAST_TIME / period))
     if velocity.size < 2 * width:
         return []
@@ -199,11 +202,11 @@ def _plateaus(velocity: np.ndarray, period: float) -> list[tuple[int, int]]:
 
 
 def gravity_of(runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return gravity from the torque inside the runs, where only gravity changes with position.
+    """Return gravity from the torque's variation within the runs, in which only gravity changes with position.
 
     Returns:
-        The coefficients of sin q and cos q [N.m], (2,), and their covariance, (2, 2); None where position is unknown, or explains
-        less than `SEEN` of how the torque varies within the runs and that not surely.
+        The coefficients of sin q and cos q [N.m], (2,), and their covariance, (2, 2); None if the position is unknown, or if
+        gravity neither explains the share `SEEN` of the torque's variance within runs nor has the significance `SURE`.
     """
     scatter = [run.within for run in runs if run.within is not None]
     if len(scatter) < len(runs) or len(runs) < LEAST_RUNS:
@@ -220,7 +223,7 @@ def gravity_of(runs: Sequence[Run]) -> tuple[np.ndarray, np.ndarray] | None:
 
 
 def without_gravity(log: Log, joint: str | int, gravity: np.ndarray) -> Log:
-    """Return the log of one joint, its torque on the joint's side and less gravity.
+    """Return the log of one joint, with torque on the joint side minus gravity.
 
     Args:
         log: with position and torque.

@@ -1,7 +1,7 @@
 """The distance that a joint travels after a reversal before its friction is that of sliding.
 
-Elastic parts deflect first; until then friction is smaller than at the same speed in sliding. If the torque just after
-reversals is significantly smaller than the fit predicts, samples within that distance are left out.
+Elastic parts deflect first. Meanwhile, friction is smaller than at the same speed in sliding. If the torque just after reversals
+is significantly smaller than the fit predicts, samples within that distance are left out.
 """
 
 from __future__ import annotations
@@ -17,16 +17,10 @@ from backdrive.identification.signals import Signals, way_since_reversal
 from backdrive.identification.slip import fit
 from backdrive.logs import filters
 
-SHARES = (
-    0.005,
-    0.01,
-    0.02,
-    0.04,
-    0.08,
-    0.16,
-)  # tested distances, as shares of the median distance between two reversals [-]
-SURE = 2.5  # significance of a smaller torque there [standard error]
-FEWEST = 8  # least number of means for the test
+# tested distances, relative to the median distance between two reversals [-]
+SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
+FEWEST = 8  # least number of bins for the test
 
 
 def drop_build_up(
@@ -36,8 +30,8 @@ def drop_build_up(
 
     Args:
         raw: bins, not whitened.
-        stretches: of one joint, that the bins are means of.
-        spread: of the candidate that is fitted, (p, r).
+        stretches: of one joint, from which the bins were computed.
+        spread: matrix of the fitted candidate, (p, r).
         correlation: of the noise of neighbouring bins [-].
         seconds: of the bins [s].
     """
@@ -54,7 +48,7 @@ def drop_build_up(
 
 
 def _lags(fitted: Bins, column: np.ndarray, correlation: float) -> bool:
-    """Return whether the torque along a column is significantly smaller than a candidate predicts, whose columns are fitted."""
+    """Return whether the torque along an additional column is significantly smaller than the fitted candidate predicts."""
     more = replace(fitted, X=np.column_stack([fitted.X, column])).whiten(correlation)
     theta = fit(more)
     if not theta[-1] < 0.0:
@@ -64,7 +58,7 @@ def _lags(fitted: Bins, column: np.ndarray, correlation: float) -> bool:
 
 
 def _ways(stretches: Sequence[Signals], seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return distance since the last reversal and direction of all bins, (n,) each, and the median distance between reversals."""
+    """Return distance since the last reversal and direction of each bin, (n,), and the median distance between reversals."""
     ways, senses, middles = [], [], []
     for s in stretches:
         width, count = bin_size(s, seconds)

@@ -1,4 +1,4 @@
-"""From a log to signals that can be regressed on: one joint, uniform clock, gap-free, differentiated once and for all."""
+"""From a log to signals for regression: one joint, uniform clock, no gaps, derivatives computed."""
 
 from __future__ import annotations
 
@@ -11,24 +11,22 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 
-GAP = 3.5  # an interval of so many periods is a gap; nothing is interpolated across it [period]
-SHORTEST = 50  # a segment between gaps with fewer samples is left out [sample]
-BLUNT = 15.0  # corner of the low pass below which motion of a servo may be lost [Hz]
-REST = 0.002  # below this share of the top speed a joint is taken to rest [-]
-REST_TIME = 0.25  # when it does so for longer than this [s]
-SLOW = 0.08  # below this share of the top speed a joint slides only where it keeps its velocity [-]
-SUSTAINED = 0.1  # for so long, at its acceleration [s]
-BEGUN = 0.02  # and after this share of the distance between two reversals, since it may break away before that [-]
-SLIGHT = 0.02  # a move shorter than this share of a usual one may be presliding alone [-]
-REVERSAL = (
-    0.03,
-    0.05,
-)  # a reversal lasts one period of the low pass's corner before and after the velocity changes sign, within these limits [s]
-BLURRED = 0.5  # and at least this part of that period [-]
-CONTINUED = 2.0  # so many such periods at the ends of a stretch do not count as sliding [-]
-OF_A_MOVE = 0.25  # but for no larger share of the time between two reversals [-]
-SURELY = 0.1  # share of the top speed above which residuals are tested for their cause [-]
-SURELY_AFTER = 0.05  # and so long after and before reversals [s]
+GAP = 3.5  # sampling interval above which there is a gap, without interpolation across it [period]
+SHORTEST = 50  # least number of samples of a stretch between gaps
+BLUNT = 15.0  # cutoff frequency below which a low pass may blur the motion of a servo [Hz]
+REST = 0.002  # share of the top speed below which a joint may be at rest [-]
+REST_TIME = 0.25  # least length of a rest [s]
+SLOW = 0.08  # share of the top speed below which a joint counts as sliding only in sustained motion [-]
+SUSTAINED = 0.1  # least time to standstill, speed divided by acceleration, in sustained slow motion [s]
+BEGUN = 0.02  # part of a move before which slow motion may precede break-away, relative to its distance [-]
+SLIGHT = 0.02  # distance below which a move may be presliding alone, relative to a typical move [-]
+# limits of a reversal's length on each side of the change of sign, which is one period of the cutoff frequency [s]
+REVERSAL = (0.03, 0.05)
+BLURRED = 0.5  # least length of a reversal on each side [period of the cutoff frequency]
+CONTINUED = 2.0  # length of a stretch's ends that do not count as sliding [period of the cutoff frequency]
+OF_A_MOVE = 0.25  # largest length of a reversal on each side, relative to the time between two reversals [-]
+SURELY = 0.1  # share of the top speed above which samples certainly slide [-]
+SURELY_AFTER = 0.05  # time before and after a reversal in which samples do not certainly slide [s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,10 +41,9 @@ class Signals:
         torque: actuator torque on the joint side, not filtered [N.m or N], (n,).
         rate: sampling frequency [Hz].
         position: low-passed like the velocity [rad or m], (n,); None for a velocity-only log.
-        model_torque: torque known from elsewhere [N.m or N], (n,); None if absent.
-        moving: False where the joint rests so long that its friction may be anything, (n,).
-        sliding: True where the joint moves, does not reverse just before or after, and is not briefly slow, (n,): there
-            friction is that of sliding; empty: same as `moving`.
+        model_torque: known torque of gravity and other axes [N.m or N], (n,); None if absent.
+        moving: False in long rests, in which friction is undetermined, (n,).
+        sliding: True if the joint moves steadily, away from reversals and brief slow motion, (n,); empty: same as `moving`.
         load: motor-side and external torque, for laws that depend on load [N.m or N], (n, 2); None if absent.
         temperature: [degC], (n,); None if absent.
     """
@@ -69,22 +66,22 @@ class Signals:
             object.__setattr__(self, "sliding", self.moving)
 
     def rows(self, part: slice) -> Signals:
-        """Return some of the samples."""
+        """Return the signals of some samples."""
         arrays = {k: v[part] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
         return replace(self, **arrays)
 
 
-#: The last stretches of a log of moderate length that is in use: the choice of a method looks at them before the method does.
+#: The latest stretches of a log of moderate length, since the choice of a method and the method both need them.
 _last: WeakKeyDictionary[Log, tuple[tuple[str | int, float | None], tuple[Signals, ...]]] = (
     WeakKeyDictionary()
 )
 
 
 def default_cutoff(rate: float) -> float:
-    """Return the corner frequency that motion is low-passed at before differentiation [Hz].
+    """Return the default cutoff frequency of the motion's low pass before differentiation [Hz].
 
-    A tenth of the rate, or 0.15 of it up to `BLUNT`: a lower corner would blur a servo's acceleration, which would look like
-    friction.
+    It is a tenth of the rate, or 0.15 of the rate up to `BLUNT`, and at most 100 Hz. A lower cutoff frequency would blur a
+    servo's acceleration, which would look like friction.
     """
     return min(max(0.1 * rate, min(0.15 * rate, BLUNT)), 100.0)
 
@@ -111,7 +108,7 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
 
 
 def _prepare(log: Log, joint: str | int, cutoff: float | None) -> list[Signals]:
-    """Return what `prepare` does."""
+    """Return the result of `prepare`, computed anew."""
     log.need("torque")
     log = _finite(log.select(joint).on_joint_side())
     if len(log) < SHORTEST:
@@ -149,7 +146,7 @@ def between_gaps(time: np.ndarray, period: float, least: int) -> list[slice]:
 
 
 def _finite(log: Log) -> Log:
-    """Leave out rows with a value that is not finite: they become gaps."""
+    """Return a log without rows of non-finite values, which become gaps."""
     motion = "velocity" if log.position is None else "position"
     good = np.isfinite(log.time) & np.isfinite(log.driving_torque[:, 0]) & np.isfinite(log.need(motion)[:, 0])
     if log.model_torque is not None:
@@ -158,7 +155,7 @@ def _finite(log: Log) -> Log:
 
 
 def _uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
-    """Interpolate onto a uniform clock where the log's own is not."""
+    """Return a uniform clock, and the log interpolated onto it if its own clock is not uniform."""
     n = round(log.duration / period) + 1
     clock = log.time[0] + period * np.arange(n)
     if n == len(log) and np.max(np.abs(clock - log.time)) < 0.05 * period:
@@ -196,7 +193,7 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
 
 
 def _load(log: Log) -> np.ndarray | None:
-    """Return the motor's torque, without what the environment adds, and the external one (n, 2): what laws of load see."""
+    """Return the motor's torque and the external torque, (n, 2), for laws that depend on load; None if unknown."""
     if log.load is None and log.external_torque is None:
         return None
     external = -log.load[:, 0] if log.load is not None else log.need("external_torque")[:, 0]
@@ -204,17 +201,17 @@ def _load(log: Log) -> np.ndarray | None:
 
 
 def spans(mask: np.ndarray) -> np.ndarray:
-    """Return first and past-last index of every stretch of True, (k, 2)."""
+    """Return first index and end index (exclusive) of every stretch of True, (k, 2)."""
     return np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8))).reshape(-1, 2)
 
 
 def mark_moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
-    """Return the samples that are not part of a long rest, (n,).
+    """Return a mask of the samples that are not part of a long rest, (n,).
 
     Args:
         velocity: [rad/s or m/s], (n,).
         rate: sampling frequency [Hz].
-        top: speed of the joint [rad/s or m/s].
+        top: top speed of the joint [rad/s or m/s].
     """
     resting = np.abs(velocity) < REST * top
     moving = np.ones(velocity.size, dtype=bool)
@@ -227,17 +224,17 @@ def mark_moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
 def _sliding(
     velocity: np.ndarray, acceleration: np.ndarray, rate: float, cutoff: float, top: float
 ) -> np.ndarray:
-    """Mark the samples whose friction is that of sliding.
+    """Return a mask of the samples at which the joint slides steadily, (n,).
 
-    About a reversal a joint sticks, bends what is elastic in it, and breaks away, which no function of the velocity describes;
-    and the low pass of the motion blurs it.
+    About a reversal a joint sticks, deflects elastically, and breaks away, which no function of the velocity describes. The
+    low pass also blurs the motion there.
     """
     speed = np.abs(velocity)
     bounds, way, whole = _ways(velocity)
     turns, length = bounds[1:-1], np.diff(bounds)
     usual = np.sum(whole * speed) / max(
         float(speed.sum()), 1e-300
-    )  # of a move, by the way that each is part of
+    )  # mean distance of a move, weighted by distance
     begun = (way > BEGUN * whole) & (whole > SLIGHT * usual)
     steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
     lasting = max(float(np.clip(1.0 / cutoff, *REVERSAL)), BLURRED / cutoff)
@@ -246,33 +243,36 @@ def _sliding(
     index = np.arange(velocity.size)
     since = index - np.repeat(bounds[:-1], length) if turns.size else index + velocity.size
     until = np.repeat(bounds[1:], length) - 1 - index if turns.size else velocity.size + index
-    since[: bounds[1]] = velocity.size  # neither end of a log is a reversal
+    since[: bounds[1]] = velocity.size  # the ends of a log are not reversals
     until[bounds[-2] :] = velocity.size
-    from_end = np.minimum(index, index[::-1])  # but the low pass has no data beyond the end
+    from_end = np.minimum(index, index[::-1])  # near an end, the low pass lacks data
     return steady & (since >= reach) & (until >= reach) & (from_end >= CONTINUED / cutoff * rate)
 
 
 def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return where the joint reverses, both ends included; its way since then and of the whole move [rad or m times rate], (n,)."""
+    """Return the samples of reversals with both ends, and the distances since the last reversal and of the whole move.
+
+    The distances belong to each sample, (n,) [rad or m times rate].
+    """
     bounds = np.r_[0, np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1, velocity.size]
     length, way = np.diff(bounds), np.r_[0.0, np.cumsum(np.abs(velocity))]
     return bounds, way[1:] - np.repeat(way[bounds[:-1]], length), np.repeat(np.diff(way[bounds]), length)
 
 
 def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
-    """Return how far the joint has gone since its last reversal (n,), and the median way between two of them [rad or m]."""
+    """Return the distance since the last reversal, (n,), and the median distance between two reversals [rad or m]."""
     bounds, way, whole = _ways(s.velocity)
     return way / s.rate, float(np.median(whole[bounds[:-1]])) / s.rate
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:
-    """Return the samples that certainly slide, (n,), where reversals do not contribute to the torque residual.
+    """Return a mask of the samples that certainly slide, (n,), so that reversals do not contribute to the torque residual.
 
-    A fit may spare short moves a part of the time about their reversals (`OF_A_MOVE`); here nothing is spared.
+    For a fit, the margins about reversals are shorter in short moves (`OF_A_MOVE`); here they are not.
 
     Args:
         s: motion.
-        top: speed of the joint [rad/s or m/s].
+        top: top speed of the joint [rad/s or m/s].
     """
     inside = s.sliding & (np.abs(s.velocity) > SURELY * top)
     reach, way = round(SURELY_AFTER * s.rate), np.sign(s.velocity)

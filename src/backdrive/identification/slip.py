@@ -1,8 +1,8 @@
-"""The delay of the measured torque behind the motion, found by repeated fits with shifted motion.
+"""The delay of the measured torque behind the motion, estimated by repeated fits with shifted motion.
 
 To first order, a delay appears as jerk times inertia. Only that column is used; the effects of friction and gravity are
-neglected. So the delay is known only where inertia is significant. Encoder errors in the jerk reduce its coefficient; the
-change of the coefficient from one delay to another shows by how much. The delay is where the coefficient is zero.
+neglected. The delay is therefore known only if inertia is significant. Encoder errors in the jerk reduce its coefficient; this
+reduction follows from the change of the coefficient between two delays. At the true delay, the coefficient is zero.
 """
 
 from __future__ import annotations
@@ -19,26 +19,22 @@ from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
 
-ROUNDS = 10  # of fits, each along the motion of some delay
-STEP = 0.01  # longest change of the delay from one to the next [s]
-LONG = 0.015  # a delay is sought by shifts too if it may be so long [s]
-WORTH = 0.75  # and taken if the residual falls to that share [-]
-NEAR = 0.3, 0.01  # two estimates of a delay agree to that share of it, or to that time [s]
-LEVER = 0.002  # distance of two delays that measures the reduced response of the jerk [s]
-SHARES = 0.3, 1.5  # limits of that response during the search [-]
-KNOWN = 2.0  # a delay is known if its standard error is at most so many sampling intervals [-]
+ROUNDS = 10  # largest number of fits, each with another delay
+STEP = 0.01  # longest change of the delay from one fit to the next [s]
+LONG = 0.015  # shortest delay that is also estimated by shifting the torque [s]
+WORTH = 0.75  # largest residual after such a shift, relative to that without, for which it is used [-]
+NEAR = 0.3, 0.01  # largest difference of two agreeing estimates of a delay, relative [-] and absolute [s]
+LEVER = 0.002  # distance of two delays that yields the response of the jerk [s]
+SHARES = 0.3, 1.5  # limits of the response of the jerk during the search [-]
+KNOWN = 2.0  # largest standard error of a known delay [sampling interval]
 MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
-SURE = 5.0  # a poorly known delay is used if it exceeds a sampling interval by this many standard errors [-]
-OPPOSITE, SLIGHT = (
-    -0.48,
-    -0.1,
-)  # the most negative correlation, and the one above which a negative one counts as zero [-]
-FELT = 3.0  # inertia is significant if it is so many standard errors above zero [-]
-SHOWN = 0.05  # least response of the jerk to a delay [-]
-CORNERS, OF_JERK = (
-    (50.0, 100.0),
-    (30.0, 40.0),
-)  # low pass of motion and of jerk, whose errors of the encoder hide a delay: at first, and near it [Hz]
+SURE = 5.0  # least excess over one sampling interval of a poorly known delay that is used [standard error]
+# most negative correlation of neighbouring bins, and negative correlation above which it is set to zero [-]
+OPPOSITE, SLIGHT = -0.48, -0.1
+FELT = 3.0  # least significance of the inertia [standard error]
+SHOWN = 0.05  # least response of the jerk to a delay that determines the delay [-]
+# cutoff frequencies of motion and of jerk, against encoder errors: at first, and near the delay [Hz]
+CORNERS, OF_JERK = (50.0, 100.0), (30.0, 40.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +43,7 @@ class Slip:
 
     Attributes:
         delay: of the torque behind the motion [s]; the start value if the data do not determine it.
-        error: its standard error [s]; infinite where nothing tells it.
+        error: its standard error [s]; infinite if the data do not determine the delay.
         period: sampling interval [s].
         correlation: of the noise of neighbouring bins [-].
     """
@@ -59,40 +55,40 @@ class Slip:
 
     @property
     def least(self) -> float:
-        """Standard error up to which it counts as known [s]: two sampling intervals."""
+        """Largest standard error of a known delay [s]: two sampling intervals."""
         return KNOWN * self.period
 
     @property
     def is_known(self) -> bool:
-        """Whether standard errors may be stated beside it."""
+        """Whether the delay is known well enough to state standard errors."""
         return self.error <= self.least
 
     def is_fitted(self, coarse: float | None) -> bool:
-        """Return whether it takes part in a fit: it is known, or surely long.
+        """Return whether the delay is used in a fit, because it is known or certainly long.
 
         Args:
-            coarse: what `coarse_delay` returns [s].
+            coarse: result of `coarse_delay` [s].
         """
         return self.is_known or is_long(self.delay, self.error, self.period, coarse)
 
 
 def is_long(delay: float, error: float, period: float, coarse: float | None) -> bool:
-    """Return whether a delay that is not known to a sampling interval is surely longer than one, so that it is better corrected.
+    """Return whether a poorly known delay certainly exceeds a sampling interval, so that a correction is better than none.
 
     Args:
         delay: as estimated [s].
         error: its standard error [s].
         period: sampling interval [s].
-        coarse: what `coarse_delay` returns [s].
+        coarse: result of `coarse_delay` [s].
     """
     sure = abs(delay) > SURE * error + period
     return sure and coarse is not None and abs(delay - coarse) < max(NEAR[0] * abs(coarse), NEAR[1])
 
 
 def coarse_delay(stretches: Sequence[Signals]) -> float | None:
-    """Return the delay at which torque is best explained, to a hundredth of a second [s]; None where it is not long.
+    """Return the delay of the best fit to shifted torque, to a hundredth of a second [s]; None if it is not long.
 
-    A search along the jerk may end at a wrong root, or at none, if the delay is long against the motion.
+    If the delay is long compared with the motion, a search along the jerk may end at a wrong root, or at none.
 
     Args:
         stretches: of one joint.
@@ -116,11 +112,11 @@ def seek_slip(
     Args:
         stretches: of one joint.
         knots: of the fine basis [rad/s or m/s], (k,).
-        full: candidate with inertia and jerk that the delay is sought with.
+        full: candidate with inertia and jerk for the fits.
         seconds: of the bins [s].
-        start: delay from which on it is sought [s].
-        near: `start` is close to the delay, so that higher frequencies determine it better.
-        rough: the caller needs to know of the error only whether it is finite.
+        start: initial delay of the search [s].
+        near: whether `start` is close to the delay, so that higher frequencies determine it better.
+        rough: compute a rough standard error, which is sufficient to know whether it is finite.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
@@ -130,7 +126,7 @@ def seek_slip(
     tried: list[tuple[float, float]] = []
     while len(tried) < ROUNDS:
         bins = bins_at_delay(slow, delay, knots, full)
-        if not tried:  # tells how the noise is correlated; if it is not, there is nothing to repeat
+        if not tried:  # gives the correlation of the noise; without any, the fit need not be repeated
             theta = fit(bins)
             correlation = neighbours(bins.y - bins.X @ theta, bins.used)
         if tried or correlation != 0.0:
@@ -162,7 +158,7 @@ def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
     it is taken between two delays close to the solution.
 
     Args:
-        tried: delays, and what the jerk showed to be left of them [s].
+        tried: delays, and the remaining delay that the jerk's coefficient indicated for each [s].
     """
     if len(tried) == 1:
         return _beyond(*tried[0], LEVER), 1.0, False
@@ -183,7 +179,7 @@ def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
 
 
 def _beyond(delay: float, left: float, least: float) -> float:
-    """Return a delay with what is left of it, no smaller a step than the least and no longer than `STEP` [s]."""
+    """Return a delay plus the remaining one, with a step between `least` and `STEP` [s]."""
     return delay + math.copysign(min(max(abs(left), least), STEP), left)
 
 
@@ -192,7 +188,7 @@ def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.C
 
     Args:
         choice: without a delay.
-        change: of its coefficients with the delay, (r,).
+        change: derivative of the coefficients with respect to the delay, (r,).
         slip: the delay.
     """
     candidate, k = choice.candidate, len(choice.candidate.terms)
@@ -208,16 +204,16 @@ def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.C
 
 
 def fit(bins: Bins) -> np.ndarray:
-    """Return the coefficients of all columns by Huber's loss, (p,)."""
+    """Return the coefficients of all columns, fitted with Huber's loss, (p,)."""
     return regression.robust_solution(bins.X, bins.y, bins.used.astype(float))
 
 
 def neighbours(residual: np.ndarray, used: np.ndarray) -> float:
-    """Return the correlation of neighbouring residuals [-], 0 where it is slightly negative.
+    """Return the correlation of neighbouring residuals [-]; slightly negative values are set to 0.
 
     Args:
         residual: of the fit, (n,).
-        used: False where a sample did not take part, (n,).
+        used: mask of the fitted samples, (n,).
     """
     width = regression.HUBER * regression.robust_spread(residual[used])
     score = np.clip(residual, -width, width)

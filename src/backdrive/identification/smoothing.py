@@ -1,9 +1,9 @@
-"""The low pass of the motion before a fit: low enough that an encoder's steps do not drown the acceleration.
+"""The low pass of the motion before a fit, low enough that encoder noise does not dominate the acceleration.
 
-A step of the encoder is an error of the position, white over the band. After two differentiations its mean square grows with
-the fifth power of the cutoff. Errors in the acceleration bias the inertia, and all correlated terms, towards zero, by the
-share of the error in the mean square. So the cutoff is lowered until that share is small. If this would remove the motion
-itself, the best compromise is used, with a warning.
+The rounding error of an encoder is a white noise of the position. After two differentiations its mean square grows with the
+fifth power of the cutoff frequency. Errors in the acceleration bias the inertia, and all correlated terms, towards zero, by the
+share of the error in the mean square. The cutoff is therefore lowered until that share is small. If this would remove the
+motion itself, the best compromise is used, with a warning.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from backdrive.logs.filters import fft_length, power_gain, spectrum_of
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 
-SHARE = 0.1  # accepted share of the encoder's error in the acceleration: a bias of 1 % of the inertia [-]
-SUSPECT = 0.3  # share of the acceleration that is error or lost motion, above which a warning is given [-]
-CLEAR = 0.1  # share of the power that an error may be where the motion is told from it [-]
-LOWEST = 3.0  # cutoff [Hz]
-FACTOR = 0.8  # from one cutoff to the next lower one
-LONGEST = 100_000  # samples that are looked at
-GRID = 1024  # frequencies
+SHARE = 0.1  # largest RMS encoder error, relative to the RMS acceleration; it biases the inertia by 1 % [-]
+SUSPECT = 0.3  # RMS error and lost motion, relative to the acceleration, above which there is a warning [-]
+CLEAR = 0.1  # largest share of the error in the mean square for a reliable estimate of the motion [-]
+LOWEST = 3.0  # lowest cutoff frequency [Hz]
+FACTOR = 0.8  # ratio of successive cutoff frequencies [-]
+LONGEST = 100_000  # largest number of evaluated samples
+GRID = 1024  # number of frequencies for the error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,8 @@ class Smoothing:
     """The low pass of one joint's motion.
 
     Attributes:
-        cutoff: corner frequency [Hz]; None: the usual one.
-        note: why it is lower than that, in a sentence; empty where it is not.
+        cutoff: cutoff frequency [Hz]; None: the default.
+        note: reason for a lower cutoff frequency than the default, in a sentence; empty otherwise.
         warning: a sentence on errors that no cutoff removes; empty if there are none.
     """
 
@@ -47,9 +47,9 @@ def smoothing(logs: Sequence[Log], joint: str, cutoff: float | None = None) -> S
     """Return the low pass for a fit of one joint.
 
     Args:
-        logs: that hold it.
-        joint: its name.
-        cutoff: that a person gave [Hz]; None: by sampling rate and encoder.
+        logs: logs of the joint.
+        joint: name.
+        cutoff: given by the user [Hz]; None: from sampling rate and encoder.
     """
     if cutoff is not None:
         return Smoothing(cutoff=cutoff)
@@ -99,14 +99,14 @@ def _percent(wrong: float, right: float) -> str:
 
 
 def noise(step: float, cutoff: float, rate: float, width: int = 1, correlation: float = 0.0) -> float:
-    """Return the mean square of the acceleration that an encoder's steps make [rad^2/s^4 or m^2/s^4].
+    """Return the mean square error of the acceleration due to an encoder's steps [rad^2/s^4 or m^2/s^4].
 
     Args:
         step: of the encoder [rad or m].
         cutoff: of the low pass [Hz].
-        rate: of sampling [Hz].
-        width: of means that are taken of it [sample].
-        correlation: of neighbouring means, which `Bins.whiten` takes off [-].
+        rate: sampling rate [Hz].
+        width: length of the means of the acceleration [sample].
+        correlation: of neighbouring means, which `Bins.whiten` removes [-].
     """
     f = (np.arange(GRID) + 0.5) / (2 * GRID)
     twice = (rate * np.sin(2.0 * np.pi * f)) ** 4
@@ -123,7 +123,7 @@ def noise(step: float, cutoff: float, rate: float, width: int = 1, correlation: 
 
 
 def _longest(log: Log) -> np.ndarray | None:
-    """Return the longest stretch of positions without a gap, not more of it than tells enough."""
+    """Return the longest stretch of positions without a gap, at most `LONGEST` samples from its middle."""
     if log.position is None or len(log) < 50:
         return None
     good = np.flatnonzero(np.isfinite(log.position[:, 0]) & np.isfinite(log.time))
@@ -135,7 +135,7 @@ def _longest(log: Log) -> np.ndarray | None:
 
 
 def _accelerations(position: np.ndarray, cutoffs: Sequence[float], rate: float) -> np.ndarray:
-    """Return the mean square of the acceleration behind low passes [rad^2/s^4 or m^2/s^4], from one transform, (k,)."""
+    """Return the mean square acceleration after each low pass [rad^2/s^4 or m^2/s^4], from one transform, (k,)."""
     n, pad = position.size, min(round(3 * rate / min(cutoffs)), position.size - 1)
     length = fft_length(n + 2 * pad)
     f = np.arange(length // 2 + 1) / length

@@ -1,4 +1,4 @@
-"""Data of a joint in a model beside law and dynamics: from the logs, the evidence and the robot's description."""
+"""Data of a joint beside law and dynamics, from the logs, the evidence and the robot's description."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def supplement(
     """Return the joint with delay and noise of its torque, limits, ranges, bands and verdict.
 
     Args:
-        friction: as the method gives it; all methods bring torque to the joint's side.
+        friction: result of the method, with torque on the joint side.
         evidence: of the same joint.
-        logs: that were fitted.
-        limits: by joint, from the robot's description; the greatest speed is the loop's trip speed.
+        logs: fitted logs.
+        limits: by joint, from the robot's description; the largest speed is the loop's trip speed.
     """
     name, validity, actuator = friction.joint.name, friction.validity, friction.actuator
     singles = [log.select(name).on_joint_side() for log in logs]
@@ -54,7 +54,7 @@ def supplement(
 def _channel(
     friction: JointFriction, evidence: JointEvidence, singles: Sequence[Log]
 ) -> TorqueChannel | None:
-    """Return delay and noise of the measured torque; None where none was measured."""
+    """Return delay and noise of the measured torque; None if no torque was measured."""
     torques = [log.torque[:, 0] for log in singles if log.torque is not None]
     if not torques:
         return None
@@ -70,5 +70,5 @@ def _channel(
 
 
 def _number(value: float | None) -> float | None:
-    """Return a number that a model may hold, None for others."""
+    """Return a number if a model file may hold it, or else None."""
     return value if value is not None and abs(value) <= BIG else None

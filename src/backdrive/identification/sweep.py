@@ -1,7 +1,7 @@
 """The sweep identification of Iwatani 2017, chapter 2: friction from sines of one stroke and growing speed.
 
-`function_a` is (2.7) as printed, `sweep_knots` the same with its corrections, `identify_sweep` the whole way from logs to a
-joint's friction. See `docs/theory/sweep.md`.
+`function_a` is (2.7) as printed, `sweep_knots` adds corrections, and `identify_sweep` identifies a joint's friction from logs. See
+`docs/theory/sweep.md`.
 """
 
 from __future__ import annotations
@@ -57,10 +57,10 @@ def sweep_knots(
     Args:
         log: with torque, and position or velocity.
         joint: name or column.
-        plan: the sweep it was recorded with; None: the log's own, or else the cycles are found.
+        plan: the sweep of the log; None: the log's own plan, or else the cycles are detected in the motion.
         literal: as printed: backward difference of the position, torque at the same index, no correction.
         c: share of a cycle's peak speed above which samples are used [-].
-        delay: from a torque sample to the torque's effect, beyond half a sampling interval [s].
+        delay: time from a torque sample to its effect, minus half a sampling interval [s].
 
     Raises:
         NotIdentifiable: no cycles are found, or fewer than two are usable.
@@ -79,7 +79,7 @@ def pairs(
     c: float = SHARE,
     delay: float,
 ) -> SweepKnots:
-    """Return what `sweep_knots` returns, for a log whose signals are prepared already."""
+    """Return the result of `sweep_knots` for a log with prepared signals."""
     cycles = windows(log, joint, log.plan if plan is None else plan, stretches)
     if literal:
         knots = literal_pairs(log.select(joint).on_joint_side(), cycles, c)
@@ -99,17 +99,17 @@ def identify_sweep(
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint's friction from sweeps.
 
-    With several sweeps, the last one is judged by a fit to the others, if these determine the gravity at its center. Then all
+    With several sweeps, the last one is predicted by a fit to the others, if these determine the gravity at its center. Then all
     are fitted together.
 
     Args:
-        logs: one sweep each, of the same joint; about several centers, to tell gravity from unequal directions.
+        logs: one sweep each, of the same joint; several centers separate gravity from unequal directions.
         joint: name.
         literal: the procedure as printed, without corrections and standard errors.
-        symmetric: True: one curve for both directions; False: one each; None: one unless they plainly differ.
-        timing: the torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: found from
-            the motion. If the motion shows neither, the delay of the drive is estimated; if it does not determine the timing,
-            a command is assumed, with a warning.
+        symmetric: True: one curve for both directions; False: one each; None: one unless they clearly differ.
+        timing: the torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: detected from
+            the motion. If the motion shows neither, the delay of the drive is estimated; if it is not determined either, a
+            command is assumed, with a warning.
 
     Raises:
         InvalidInput: no log, or one without torque.
@@ -182,7 +182,7 @@ def _each(
     delays: Sequence[float],
     errors: Sequence[float],
 ) -> tuple[list[SweepKnots], list[SweepKnots]]:
-    """Return the pairs of each sweep, and the same with the delay off by its error; none of the latter where it has none."""
+    """Return the pairs of each sweep, and those for a delay off by its standard error; the latter are empty without errors."""
     each = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays, strict=True)]
     if not any(errors):
         return each, []

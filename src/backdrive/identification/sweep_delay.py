@@ -1,14 +1,13 @@
 """The delay of the drive, from the windows of a sweep.
 
-A torque that acts d later than it was commanded leaves -I d dddq in the friction. At one speed the jerk of cycle n is
--(2 n V / (A N))^2 times the speed, so that cycles which pass the same speed with different jerk tell d from friction. All that
-the windows hold is regressed together: a curve for each direction, inertia, gravity, I d and, where it shows, friction in
-proportion to the load.
+A torque that acts d later than it was commanded adds -I d dddq to the apparent friction. At one speed the jerk of cycle n is
+-(2 n V / (A N))^2 times the speed. Cycles that pass the same speed with different jerk thus separate d from friction. All terms
+are fitted together: a curve for each direction, inertia, gravity, I d and, if significant, friction proportional to the load.
 
-The noise of the drive moves the joint, and the servo responds. So measured acceleration and jerk are correlated with the
-error of the torque, and least squares would mistake the loop's lag for a delay (1 ms on a simulated joint). The desired
-motion is not correlated with that noise. A low pass above the frequency of the last cycle gives nearly this motion, which
-serves as the instrument.
+The noise of the drive moves the joint, and the servo responds. Measured acceleration and jerk are therefore correlated with the
+error of the torque. Least squares would mistake the loop's lag for a delay (1 ms on a simulated joint). The desired motion is
+not correlated with that noise. A low pass above the frequency of the last cycle gives nearly this motion, which serves as the
+instrument.
 """
 
 from __future__ import annotations
@@ -30,24 +29,26 @@ from backdrive.logs import filters
 from backdrive.logs.log import Log
 
 SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [-]
-SIGNIFICANT = 4.0  # standard errors from which on friction is taken to grow with the load [-]
-CORNER = 6.5  # corner of the low pass, in frequencies of the fastest cycle [-]
-TOLD = 0.5  # standard error of a delay, up to which it is taken for estimated [sampling interval]
-ROUNDS = 4  # the first order in d is repeated with the torque shifted by what was found
+SIGNIFICANT = 4.0  # least significance of a growth of friction with the load [standard error]
+CORNER = 6.5  # cutoff frequency of the low pass, relative to the frequency of the fastest cycle [-]
+TOLD = 0.5  # largest standard error of an estimated delay [sampling interval]
+ROUNDS = 4  # number of iterations, in each of which the torque is shifted by the last estimate of d
 
 
 def sweep_delay(stretches: Sequence[Signals], cycles: Windows, start: float = 0.0) -> tuple[float, float]:
     """Return the time from the middle of a command's interval to the torque's effect, and its standard error [s].
 
-    0 for a command that acts at once and is held, minus half a sampling interval for a torque sampled with the position.
+    The time is 0 for a command that acts at once and is held. It is minus half a sampling interval for a torque sampled with
+    the position.
 
     Args:
-        stretches: the log's signals, as `prepare` returns them.
+        stretches: the log's signals, from `prepare`.
         cycles: of the sweep.
-        start: delay from which on it is sought [s].
+        start: initial delay of the search [s].
 
     Returns:
-        Delay and standard error [s]; NaN where the sweep has fewer than three cycles, or no position.
+        Delay and standard error [s]; NaN if the sweep has fewer than three cycles or no position, or if the inertia is not
+        positive.
     """
     nothing = float("nan"), float("nan")
     if cycles.peak.size < 3 or any(s.position is None for s in stretches):
@@ -72,7 +73,7 @@ def _solve(
     ]
     for k in range(ROUNDS):
         y = [torque_between(s, delay)[rows] for s, (rows, *_) in zip(stretches, parts, strict=True)]
-        if k > 0 and loaded:  # gravity and inertia are known, and so is the load
+        if k > 0 and loaded:  # the load follows from the last estimate of gravity and inertia
             regressors = [
                 (_with_load(X, real, theta), _with_load(Z, wanted, theta))
                 for (X, Z), (_, real, wanted, _) in zip(plain, parts, strict=True)
@@ -88,7 +89,7 @@ def _solve(
         for (X, Z), (_, real, _, edges), f in zip(regressors, parts, y, strict=True)
         for a, b in edges
     ]
-    # a cubic more than was fitted: what straight sections miss of the curve is no noise
+    # a cubic is removed as well, since the deviation of the curve from straight sections is not noise
     noise = noise_of([left for left, _, _ in runs], [v for _, v, _ in runs], degree=3)
     spread = sum(noise.covariance(z, i) for i, (_, _, z) in enumerate(runs))
     error = np.sqrt(np.diag(inverse @ spread @ inverse.T))
@@ -103,7 +104,9 @@ def drive_delays(
     timing: Timing | None,
     literal: bool,
 ) -> tuple[list[float], list[float], list[str]]:
-    """Return each log's delay from the middle of a command's interval to the torque's effect [s], its error, and a remark."""
+    """Return for each log the time from the middle of a command's interval to the torque's effect [s] and its standard error
+    [s], and remarks.
+    """
     told: list[str | None] = [timing or "command"] * len(stretches)
     if timing is None and not literal:
         told = [torque_timing(s)[0] for s in stretches]
@@ -119,7 +122,7 @@ def drive_delays(
     if coarse is not None:
         again = [sweep_delay(stretches[i], c, -coarse) for i, c in zip(open_, cycles, strict=True)]
         delay, error = _together(again)
-    late = -delay  # of the logged torque behind the motion
+    late = -delay  # delay of the logged torque behind the motion
     if not (error < TOLD * period or is_long(late, error, period, coarse)):
         for i in open_:
             errors[i] = 0.5 * period  # a sampled torque is equally likely
@@ -146,7 +149,7 @@ def drive_delays(
 
 
 def _together(each: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the mean of delays weighted by their standard errors [s], and its own; infinite where none is known."""
+    """Return the weighted mean of delays and its standard error [s]; infinite if no delay is known."""
     known = [(delay, error) for delay, error in each if np.isfinite(error) and error > 0.0]
     if not known:
         return float("inf"), float("inf")
@@ -156,7 +159,7 @@ def _together(each: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _part(s: Signals, cycles: Windows, corner: float):
-    """Return the samples used, motion as measured and as wanted, and where runs of samples begin and end."""
+    """Return the used samples, the measured and the low-passed motion there, and start and end of each run of samples."""
     wanted = filters.low_pass(s.position, min(corner, 0.2 * s.rate), s.rate)  # type: ignore[arg-type]
     motion = [wanted]
     for _ in range(3):
@@ -178,9 +181,9 @@ def _regressor(motion: Sequence[np.ndarray], knots: np.ndarray) -> np.ndarray:
 
 
 def _with_load(X: np.ndarray, motion: Sequence[np.ndarray], theta: np.ndarray) -> np.ndarray:
-    """Return the regressor with friction that grows with the load |g + L a|, by what is known of gravity and inertia.
+    """Return the regressor with columns for friction that grows with the load |g + L a|, from estimated gravity and inertia.
 
-    The load's inertia L is less than that of the joint: a second column is the derivative by it.
+    The load's inertia L is less than that of the joint, so a second column is the derivative with respect to L.
     """
     q, v, a, _ = motion
     load = theta[0] * a + theta[2] * np.sin(q) + theta[3] * np.cos(q)

@@ -12,9 +12,9 @@ from backdrive.identification.sweep_knots import MERGED, SweepKnots
 from backdrive.identification.terms import GRAVITY
 from backdrive.plans.centres import UNSEEN
 
-# condition number above which gravity and a constant difference of the directions are not separated [-]
+# condition number above which gravity is not separated from a constant difference of the directions [-]
 WORST_CONDITION = 500.0
-DETERMINED = 1e-4  # of the largest singular value, above which unknowns are determined [-]
+DETERMINED = 1e-4  # least singular value of determined unknowns, relative to the largest one [-]
 TERMS = (*GRAVITY, "offset")
 LOAD = "load_dependence"
 ALL = (*TERMS, LOAD)
@@ -22,15 +22,15 @@ ALL = (*TERMS, LOAD)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Equations:
-    """Linear equations of all pairs: unknown are the friction at V along +q and -q, and `ALL`.
+    """Linear equations of all pairs, for the friction at V along +q and -q and the terms `ALL`.
 
     Attributes:
         V: knots [rad/s or m/s], (K,).
         X: coefficients, (r, 2 K + 4); those of the load are 0 until gravity is known (`with_load_growth`).
         y: mean torques, then slopes of gravity where known, (r,).
         weight: inverse standard errors, (r,).
-        swing: by how much the inertia's torque swings within each mean torque's samples [N.m or N], (levels,).
-        levels: how many of the equations are mean torques.
+        swing: largest inertial torque within the samples of each mean torque [N.m or N], (levels,).
+        levels: number of equations for mean torques, which come first.
     """
 
     V: np.ndarray
@@ -41,11 +41,11 @@ class Equations:
     levels: int
 
     def spread(self, curves: str, terms: Sequence[str]) -> np.ndarray:
-        """Return the map from free unknowns to all.
+        """Return the matrix from free unknowns to all unknowns.
 
         Args:
-            curves: `equal` in both directions, their `own`, or `balanced`: own, with no difference on average.
-            terms: those of `ALL` that take part.
+            curves: `equal`: one curve for both directions; `own`: one each; `balanced`: one each, with equal means.
+            terms: fitted terms of `ALL`.
         """
         K = self.V.size
         one = np.eye(K)
@@ -63,7 +63,7 @@ class Equations:
         return full
 
     def with_load_growth(self, gravity: np.ndarray) -> Equations:
-        """Return the same with friction that grows with the size of the load, 1 N.m for every N.m carried.
+        """Return the equations with a column for friction that grows with the load, 1 N.m for every N.m of load.
 
         Args:
             gravity: a and b of a sin q + b cos q [N.m], (2,).
@@ -75,9 +75,9 @@ class Equations:
         return replace(self, X=X)
 
     def load(self, gravity: np.ndarray) -> np.ndarray:
-        """Return the mean size of the load |g + I a| over the samples of each mean torque, (levels,).
+        """Return the mean magnitude of the load |g + I a| over the samples of each mean torque [N.m], (levels,).
 
-        The acceleration is taken as evenly spread: where gravity is smaller than the swing, the load changes its sign.
+        The acceleration is taken as uniformly distributed. If gravity is smaller than the swing, the load changes its sign.
 
         Args:
             gravity: g of each [N.m], (levels,).
@@ -88,8 +88,8 @@ class Equations:
     def condition(self, curves: str, terms: Sequence[str]) -> float:
         """Return the condition number of the mean torques' equations [-].
 
-        A component of gravity that is zero at all centers, as with two centers half a turn apart, does not count, since it
-        need not be separated.
+        A component of gravity that is zero at all centers need not be separated, so it does not count. There is one for two
+        centers half a turn apart.
         """
         X = self.X[: self.levels] @ self.spread(curves, terms)
         both = [i for i, term in enumerate(terms, X.shape[1] - len(terms)) if term in GRAVITY]
@@ -102,7 +102,7 @@ class Equations:
         return float("inf") if wide else float(singular[0] / singular[-1])
 
     def determines(self, curves: str, terms: Sequence[str]) -> bool:
-        """Say whether all equations together, slopes of gravity included, determine the unknowns."""
+        """Return whether all equations, slopes of gravity included, determine the unknowns."""
         X = (self.X @ self.spread(curves, terms)) * self.weight[:, None]
         scaled = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
         singular = np.linalg.svd(scaled, compute_uv=False)
@@ -117,14 +117,14 @@ class Equations:
         return inverse @ (self.y * self.weight), inverse @ inverse.T
 
     def excess(self, theta: np.ndarray, curves: str, terms: Sequence[str]) -> float:
-        """Return by how much the variance of the equations' residuals exceeds the stated one, at least 1 [-].
+        """Return the variance of the equations' residuals, divided by the stated one, at least 1 [-].
 
-        That is Birge's ratio, squared (Physical Review 40, 1932); it holds errors of the weights, and what the model lacks.
+        This is the square of Birge's ratio (Physical Review 40, 1932); it includes errors of the weights and of the model.
 
         Args:
             theta: all unknowns, (2 K + 4,).
-            curves: as they were solved for; see `spread`.
-            terms: that took part.
+            curves: option of the solution; see `spread`.
+            terms: fitted terms of `ALL`.
         """
         freedom = self.y.size - self.spread(curves, terms).shape[1]
         miss = (self.y - self.X @ theta) * self.weight
@@ -132,7 +132,7 @@ class Equations:
 
 
 def equations(knots: Sequence[SweepKnots]) -> Equations:
-    """Return the equations of the pairs of one or several sweeps; speeds that nearly agree share a knot."""
+    """Return the equations of the pairs of one or several sweeps; nearly equal speeds share a knot."""
     speeds = np.sort(np.concatenate([k.V for k in knots]))
     part = np.cumsum(np.concatenate([[0], np.diff(speeds) > MERGED * speeds[-1]])).astype(int)
     V = np.bincount(part, speeds) / np.bincount(part)

@@ -1,8 +1,9 @@
 """From the velocity-torque pairs of one or several sweeps to a friction curve and the other terms.
 
-Beside the friction, the pairs hold gravity at the center of their stroke and any offset of the torque signal. The half sum of the
-two directions shows these together with whatever differs between the directions. Only sweeps about several centers separate
-gravity from a constant difference. No sweep separates an offset of the torque signal from it. See `docs/theory/asymmetry.md`.
+Beside friction, the pairs contain gravity at the center of the stroke and any offset of the torque signal. The half sum of the
+two directions is the sum of these and of any difference of friction between the directions. Only sweeps about several centers
+separate gravity from a constant difference. No sweep separates an offset of the torque signal from a constant difference. See
+`docs/theory/asymmetry.md`.
 """
 
 from __future__ import annotations
@@ -27,8 +28,8 @@ from backdrive.identification.terms import GRAVITY
 from backdrive.laws import Polyline
 
 SIGNIFICANT = 4.0  # least significance of a term [standard error]
-UNEQUAL = 0.03  # share of the friction from which on the directions are taken to differ [-]
-NEAR = 0.05  # centers that differ by less are the same [rad or m]
+UNEQUAL = 0.03  # least relative difference of unequal directions [-]
+NEAR = 0.05  # least distance of different centers [rad or m]
 REMEDY = (
     "To separate gravity, record sweeps about three distant centers, or a second one half a turn from the first (`backdrive "
     "plan sweep --centres auto`). Or choose another posture of the arm, such as one in which the axis is vertical."
@@ -41,20 +42,21 @@ class SweepFit:
 
     Attributes:
         law: the friction curve.
-        symmetric: one curve serves both directions.
+        symmetric: whether both directions share one curve.
         error_pos: standard errors at the law's knots along +q [N.m or N], (m,).
         error_neg: standard errors along -q [N.m or N], (m,).
-        terms: of `TERMS`, as far as found: value and standard error [N.m or N].
-        condition: for separating gravity from a constant difference of the directions [-]; infinite without gravity.
+        terms: fitted terms of `TERMS`: value and standard error [N.m or N].
+        condition: condition number for the separation of gravity from a constant difference of the directions [-]; infinite
+            without gravity.
         warnings: in sentences.
-        notes: the same of what is as it should be.
+        notes: remarks that are not warnings, in sentences.
         centers: of the sweeps [rad or m].
         covariance: of the torques at the law's knots, along +q first [(N.m)^2 or N^2], (2 m, 2 m).
-        with_terms: the same with `ALL` after them, those that were not found without variance, (2 m + 4, 2 m + 4).
-        noise_gain: standard error of the constant difference, divided by that of the half sum about one center [-]; NaN where
-            the difference was not attributed.
-        load: growth of the friction with the gravity that the joint carries and its standard error [-], and the gravity at
-            which the law holds [N.m]; None where the data do not show it.
+        with_terms: covariance of these torques and the terms `ALL`, zero for terms not fitted, (2 m + 4, 2 m + 4).
+        noise_gain: standard error of half the constant difference, divided by that of the half sum about one center [-]; NaN
+            if the difference was not attributed.
+        load: growth of the friction with the load and its standard error [-], and the load at which the law is valid [N.m];
+            None if no growth is significant.
     """
 
     law: Polyline
@@ -72,15 +74,14 @@ class SweepFit:
     load: tuple[float, float, float] | None = None
 
     def tells(self, center: float) -> bool:
-        """Return whether the fit predicts the torque about a center: gravity is identified, or the center was swept."""
+        """Return whether the fit predicts the torque about a center, because gravity is identified or the center was swept."""
         near = any(abs(center - c) < NEAR for c in self.centers)
         return near or self.condition <= WORST_CONDITION or not set(GRAVITY) & set(self.terms)
 
     def constants(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the constant of each direction, the intercept of its first section at rest, and its standard error.
 
-        That is what (3.1) calls F_p and F_n; with a Stribeck peak below V_1, or one that reaches V_1, it is not the Coulomb
-        torque.
+        The constants are F_p and F_n of (3.1). With a Stribeck peak at V_1 or below, they are not the Coulomb torque.
 
         Returns:
             Along +q and along -q, value and standard error [N.m or N].
@@ -106,11 +107,11 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
     """Return the curve through the pairs of sweeps of one joint.
 
     Args:
-        knots: one entry a sweep.
-        unit: the joint's, `rad` or `m`.
-        name: the joint's, for messages.
-        symmetric: True: one curve for both directions; False: one each; None: one unless they plainly differ.
-        late: the same pairs with the delay of the drive off by its standard error, where that was estimated.
+        knots: one entry per sweep.
+        unit: of the joint, `rad` or `m`.
+        name: of the joint, for messages.
+        symmetric: True: one curve for both directions; False: one each; None: one unless they clearly differ.
+        late: pairs for a drive delay off by its standard error, if the delay was estimated.
     """
     eqs = equations(knots)
     K = eqs.V.size
@@ -162,10 +163,10 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
     if not symmetric:
         (notes if told else said).append(_attribution(name, unit, knots, curves, condition, gain))
     if np.isnan(knots[0].error_pos).all():
-        covariance = np.full_like(covariance, np.nan)  # the literal procedure knows no errors
+        covariance = np.full_like(covariance, np.nan)  # the literal procedure has no errors
     carried = 0.0 if load is None else load.carried
     at_load = np.vstack([np.eye(2 * K, theta.size), np.eye(theta.size)[2 * K :]])
-    at_load[: 2 * K, -1] = carried  # the law is that of the joint under the gravity that it carried
+    at_load[: 2 * K, -1] = carried  # the law is valid at the mean load of the sweeps
     theta, covariance = at_load @ theta, at_load @ covariance @ at_load.T
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     law = polyline_through(eqs.V, theta[:K], theta[K : 2 * K])
@@ -199,7 +200,7 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
 
 
 def _with_constant(eqs: Equations, curves: str, terms: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the terms with a constant beside gravity, where the equations show one.
+    """Return the terms, with a constant beside gravity if the equations determine both.
 
     Without this term, a real constant would make gravity's level at several centers inconsistent with its slopes inside the
     strokes, and would distort the curve.
@@ -212,14 +213,14 @@ def _with_constant(eqs: Equations, curves: str, terms: tuple[str, ...]) -> tuple
 
 
 def _same_weight(eqs: Equations, theta: np.ndarray) -> bool:
-    """Say whether gravity has nearly one size at all centers, and friction could grow with it."""
+    """Return whether gravity has nearly the same magnitude at all centers, and is large enough for friction to grow with it."""
     K = eqs.V.size
     size = np.abs(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ theta[2 * K : 2 * K + 2])
     return bool(np.ptp(size) < 0.05 * size.max() and size.max() > 0.1 * np.mean(theta[: 2 * K]))
 
 
 def _gain(knots: Sequence[SweepKnots], covariance: np.ndarray, K: int) -> float:
-    """Return the standard error of the constant difference's half by that of the half sum about one center [-]."""
+    """Return the standard error of half the constant difference, divided by that of the half sum about one center [-]."""
     row = np.zeros(len(covariance))
     row[:K], row[K : 2 * K] = 0.5 / K, -0.5 / K
     one = np.mean([np.sum(k.error_pos**2 + k.error_neg**2) / (2.0 * k.V.size) ** 2 for k in knots])
@@ -227,7 +228,7 @@ def _gain(knots: Sequence[SweepKnots], covariance: np.ndarray, K: int) -> float:
 
 
 def _has_gravity(knots: Sequence[SweepKnots]) -> bool:
-    """Say whether the torque depends on the position: within a stroke, or from center to center."""
+    """Return whether the torque depends on the position, within a stroke or from center to center."""
     slopes = [abs(k.slope[0]) > SIGNIFICANT * k.slope[1] for k in knots]
     biases = np.array([k.bias for k in knots])
     error = max(float(np.sqrt(np.mean(k.error**2) / k.V.size)) for k in knots)
@@ -235,7 +236,7 @@ def _has_gravity(knots: Sequence[SweepKnots]) -> bool:
 
 
 def _differ(theta: np.ndarray, covariance: np.ndarray, K: int) -> bool:
-    """Say whether the curves of the two directions differ, beyond their errors and by more than little."""
+    """Return whether the curves of the two directions differ significantly, and by at least `UNEQUAL`."""
     up, down = theta[:K], theta[K : 2 * K]
     map_ = np.hstack([np.eye(K), -np.eye(K)])
     error = np.sqrt(np.maximum(np.diag(map_ @ covariance[: 2 * K, : 2 * K] @ map_.T), 0.0))

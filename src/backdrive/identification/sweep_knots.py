@@ -19,23 +19,23 @@ MERGED = 0.01  # pairs closer than this share of the top speed become one [-]
 class SweepKnots:
     """Velocity-friction pairs of one sweep, slowest first; m of its N cycles were usable.
 
-    F of each direction is the mean torque along it, so that it still holds what is constant: gravity at the center, an offset of
-    the torque signal. `bias` is that constant as far as both directions share it.
+    F of each direction is the mean torque along it. It contains all constants, such as gravity at the center and an offset of
+    the torque signal. `bias` is the part of the constant that both directions share.
 
     Attributes:
         V_pos: mean speed of the samples with motion along +q [rad/s or m/s], (m,).
         F_pos: mean torque along +q [N.m or N], (m,).
         V_neg: mean speed of the samples with motion along -q [rad/s or m/s], (m,).
-        F_neg: mean torque against -q, that is, minus the mean [N.m or N], (m,).
+        F_neg: mean torque along -q with its sign reversed [N.m or N], (m,).
         error_pos: standard errors of F_pos [N.m or N], (m,); NaN for the literal procedure.
         error_neg: standard errors of F_neg [N.m or N], (m,).
-        count_pos: samples behind each F_pos, (m,).
-        count_neg: samples behind each F_neg, (m,).
+        count_pos: number of samples of each F_pos, (m,).
+        count_neg: number of samples of each F_neg, (m,).
         center: mean position of the samples [rad or m]; NaN without position.
         level: mean of cos(q - center) over the samples [-].
         swing: largest acceleration of the samples used, (m,) [rad/s^2 or m/s^2].
-        inertia: found inside the windows, and its standard error [kg.m^2 or kg].
-        slope: of gravity over position at the center, and its standard error [N.m/rad]; NaN where there is none to find.
+        inertia: estimated inside the windows, and its standard error [kg.m^2 or kg].
+        slope: of gravity over position at the center, and its standard error [N.m/rad]; NaN if it was not estimated.
         warnings: in sentences.
     """
 
@@ -71,16 +71,16 @@ class SweepKnots:
 
     @property
     def bias(self) -> float:
-        """Mean over the pairs of the directions' half sum: gravity, offset and constant asymmetry [N.m or N]."""
+        """Half sum of the directions, mean over the pairs: gravity, offset and constant asymmetry [N.m or N]."""
         return float(np.mean(0.5 * (self.F_pos - self.F_neg)))
 
 
 def sort_knots(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -> SweepKnots:
-    """Leave empty windows out, sort the pairs by speed and merge neighbours, so that V_n strictly increases.
+    """Return the pairs without empty windows, sorted by speed and merged, so that V_n strictly increases.
 
     Args:
-        knots: one pair a cycle, NaN where one is empty.
-        joint: for messages.
+        knots: one pair per cycle, NaN if it is empty.
+        joint: name or column, for messages.
         cycles: of the sweep.
         c: share of a cycle's peak speed above which samples were used [-].
 
@@ -112,7 +112,7 @@ def sort_knots(knots: SweepKnots, joint: str | int, cycles: Windows, c: float) -
 
     up, down = knots.count_pos, knots.count_neg
     length = cycles.time[:, 1] - cycles.time[:, 0]
-    # of a sine at the edge of what is used
+    # acceleration of a sine at the limit of the used samples
     swing = cycles.peak * 2.0 * np.pi * np.sqrt(1.0 - c * c) / np.where(length > 0.0, length, np.inf)
     return replace(
         knots,
@@ -134,12 +134,11 @@ def to_polyline(knots: SweepKnots, symmetric: bool = True, constant: float = 0.0
 
     Args:
         knots: the pairs.
-        symmetric: one curve for both directions.
-        constant: by direction, what of the torque is not friction: gravity at the center, offset [N.m or N].
+        symmetric: return one curve for both directions.
+        constant: torque that is not friction, for curves by direction: gravity at the center, offset [N.m or N].
 
     Returns:
-        The law, whose intercepts at rest are not negative: where the first section would reach below zero, a knot at rest
-        is added.
+        The law, with intercepts at rest >= 0: if the first section would reach below zero, a knot at rest is added.
     """
     V = knots.V
     if symmetric:
@@ -156,7 +155,7 @@ def polyline_through(V: np.ndarray, up: np.ndarray, down: np.ndarray) -> Polylin
     Args:
         V: speeds, strictly increasing [rad/s or m/s], (m,).
         up: friction along +q [N.m or N], (m,).
-        down: its magnitude along -q [N.m or N], (m,).
+        down: magnitude of the friction along -q [N.m or N], (m,).
     """
     rest = [float(hats(np.zeros(1), V)[0] @ F) for F in (up, down)]
     if V[0] > 0 and min(rest) < 0:

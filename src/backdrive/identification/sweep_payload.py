@@ -1,4 +1,4 @@
-"""A joint's friction and how it grows with the load in both directions of power, from sweeps with and without a known payload."""
+"""A joint's friction and its growth with the load in both directions of power, from sweeps with and without a known payload."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def identify_payload(
     *,
     timing: Timing | None = None,
 ) -> tuple[JointFriction, JointEvidence]:
-    """Identify one joint's friction, and its growth where the motor lifts the weight and where the weight drives it back.
+    """Identify one joint's friction, and its growth for a motor that lifts the load and for a load that drives the motor back.
 
-    Inertia and quality are those of the sweeps with the least payload.
+    Inertia and quality come from the sweeps with the least payload.
 
     Args:
         logs: one sweep each, about several centers, each with and without the payload.
@@ -46,11 +46,11 @@ def identify_payload(
         timing: as in `identify_sweep`.
 
     Returns:
-        The friction without load, whose law grows with it in both directions of power, and what is shown of it.
+        The friction, with a law for zero load and its growth in both directions of power; and the evidence.
 
     Raises:
-        InvalidInput: the joint is linear; there is not one payload a log, or none that differs.
-        NotIdentifiable: the sweeps do not tell curve, gravity, growth and the payload's part apart.
+        InvalidInput: the joint is linear, the number of payloads and logs differs, or all payloads are equal.
+        NotIdentifiable: the sweeps do not separate curve, gravity, growth and payload.
     """
     if len(payloads) != len(logs):
         raise InvalidInput(

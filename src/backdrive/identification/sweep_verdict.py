@@ -12,14 +12,14 @@ from backdrive.identification.sweep_fit import SweepFit
 from backdrive.laws import Polyline
 from backdrive.model import JointFriction
 
-NAMED = 0.03  # share of the friction from which on a constant beside it is mentioned [-]
+NAMED = 0.03  # least constant that the verdict mentions, relative to the friction [-]
 
 
 def error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function from velocities to the curve's standard error.
 
     The knots' errors are independent. Between and beyond the knots, the deviation of a bent curve from a straight section is
-    added, f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
+    added. It is f'' (v - V_n) (v - V_n+1) / 2, with the curvature of the neighbouring knots.
     """
     rate = friction.law.rate
     assert isinstance(rate, Polyline)
@@ -41,7 +41,7 @@ def error_of_curve(friction: JointFriction) -> Callable[[np.ndarray], np.ndarray
 
 
 def _bend(V: np.ndarray, F: np.ndarray) -> np.ndarray:
-    """Return the curvature of each section, the larger of its two knots', (max(N - 1, 1),)."""
+    """Return the curvature of each section, the larger one at its two knots, (max(N - 1, 1),)."""
     if V.size < 3:
         return np.zeros(max(V.size - 1, 1))
     inner = np.abs(2.0 * np.diff(np.diff(F) / np.diff(V)) / (V[2:] - V[:-2]))
@@ -49,10 +49,10 @@ def _bend(V: np.ndarray, F: np.ndarray) -> np.ndarray:
 
 
 def verdict(friction: JointFriction, found: SweepFit) -> str:
-    """Say the result in some sentences."""
+    """Return the result in a few sentences."""
     unit, speed, rate = friction.joint.torque_unit, f"{friction.joint.unit}/s", friction.law.rate
     assert isinstance(rate, Polyline)
-    slowest, top = rate.velocity[0], friction.validity.speeds[1]  # the same as in the table of the report
+    slowest, top = rate.velocity[0], friction.validity.speeds[1]  # as in the table of the report
     slow = friction.law.torque(np.array([slowest, -slowest])) * (1, -1)
     fast = friction.law.torque(np.array([top, -top])) * (1, -1)
     if found.symmetric:

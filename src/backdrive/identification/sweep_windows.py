@@ -1,8 +1,8 @@
-"""The windows of a sweep's cycles in a log: from its plan, or found in the motion.
+"""The windows of a sweep's cycles in a log: from its plan, or detected in the motion.
 
 A sweep has cycles of one stroke whose peak speeds grow by equal steps (Iwatani 2017, (2.2)-(2.4)). The turning points of the
-position give the strokes; equal strokes in a row, of sine shape and growing speed, give the cycles. What precedes, follows or
-separates them (lead-in, dwell, noise) does not matter.
+position give the strokes. Consecutive equal strokes, of sine shape and growing speed, give the cycles. Motion before, after or
+between them (lead-in, dwell, noise) does not matter.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from backdrive.identification.signals import Signals, prepare
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 
-TRIED = (0.5, 0.25, 0.12, 0.06, 0.03)  # least stroke, as a share of the whole travel [-]
-EQUAL = 0.1  # strokes of one sweep differ by less than this [-]
-SINE = (0.7, 1.3)  # time above 0.8 of the peak speed, over that of a sine of this stroke and peak [-]
-GROWTH = 0.12  # a peak speed lies so close to the straight line through all [share of the step]
-LEAST_STEP = 0.01  # from cycle to cycle the speed grows by at least this share of the highest [-]
-SMOOTH = 25.0  # corner of the low pass on the motion in which cycles are sought [Hz]
-FOLLOWS = 0.15  # a motion follows its plan when it differs by less than this [share of the stroke]
+TRIED = (0.5, 0.25, 0.12, 0.06, 0.03)  # tried least strokes, relative to the whole travel [-]
+EQUAL = 0.1  # largest relative difference of the strokes of one sweep [-]
+# limits of the time above 0.8 of the peak speed, relative to a sine of the same stroke and peak speed [-]
+SINE = (0.7, 1.3)
+GROWTH = 0.12  # largest deviation of a peak speed from the line through all, relative to the step [-]
+LEAST_STEP = 0.01  # least growth of the peak speed from cycle to cycle, relative to the highest one [-]
+SMOOTH = 25.0  # largest cutoff frequency of the low pass for the detection of cycles [Hz]
+FOLLOWS = 0.15  # largest RMS deviation of a motion from its plan, relative to stroke or top speed [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,8 +34,8 @@ class Windows:
 
     Attributes:
         time: first and last instant of each cycle [s], (N, 2).
-        peak: peak speed of each cycle: n V / N where the plan is known, else as measured [rad/s or m/s], (N,).
-        from_plan: the plan gave them.
+        peak: peak speed of each cycle: n V / N if the plan is known, or else measured [rad/s or m/s], (N,).
+        from_plan: whether the windows come from the plan.
         warnings: in sentences.
     """
 
@@ -50,11 +51,11 @@ def windows(log: Log, joint: str | int, plan: Any, stretches: Sequence[Signals])
     Args:
         log: of the sweep.
         joint: name or column.
-        plan: the `excite.Sweep` it was recorded with, or an `excite.InTurn` that holds it; otherwise the cycles are found.
-        stretches: the log's signals, as `prepare` returns them.
+        plan: the log's `plans.Sweep`, or a `plans.InTurn` with it; otherwise the cycles are detected in the motion.
+        stretches: the log's signals, from `prepare`.
 
     Raises:
-        NotIdentifiable: no cycles are found.
+        NotIdentifiable: no cycles are detected.
     """
     said: tuple[str, ...] = ()
     begin = getattr(plan, "start", 0.0)
@@ -73,7 +74,7 @@ def windows(log: Log, joint: str | int, plan: Any, stretches: Sequence[Signals])
 
 
 def find_windows(log: Log, joint: str | int) -> np.ndarray:
-    """Find the cycles of a sweep in a log.
+    """Detect the cycles of a sweep in a log.
 
     Args:
         log: with torque, and position or velocity.
@@ -119,7 +120,7 @@ def _find(stretches: Sequence[Signals], joint: str | int) -> tuple[np.ndarray, n
 
 
 def extremes(x: np.ndarray) -> np.ndarray:
-    """Return the samples at which a signal turns however little, with the first and the last one that move, (k,)."""
+    """Return the samples at which a signal changes its direction, with the first and the last moving sample, (k,)."""
     step = np.sign(np.diff(x))
     moving = np.flatnonzero(step)
     if not moving.size:
@@ -129,12 +130,12 @@ def extremes(x: np.ndarray) -> np.ndarray:
 
 
 def turning_points(x: np.ndarray, least: float, candidates: np.ndarray | None = None) -> np.ndarray:
-    """Return the samples at which a signal turns, between strokes of at least `least`; the first and last included.
+    """Return the turning points of a signal between strokes of at least `least`, with the first and the last point.
 
     Args:
         x: the signal, (n,).
         least: smallest stroke that counts [unit of x].
-        candidates: its extremes, if they are known, (k,).
+        candidates: extremes of the signal, if they are known, (k,).
     """
     candidates = extremes(x) if candidates is None else candidates
     if not candidates.size:
@@ -191,12 +192,12 @@ def _cycles(
 
 
 def _alike(peak: np.ndarray) -> np.ndarray:
-    """Return whether each peak speed is nearly that of the next, (k - 1,)."""
+    """Return whether each peak speed nearly equals the next one, (k - 1,)."""
     return np.abs(peak[:-1] / np.maximum(peak[1:], 1e-300) - 1.0) < EQUAL
 
 
 def _grows(level: np.ndarray) -> bool:
-    """Say whether speeds grow by equal steps, the first being a whole number of them."""
+    """Return whether speeds grow by equal steps, from a first speed that is a whole number of steps."""
     if level.size == 1:
         return True
     step = (level[-1] - level[0]) / (level.size - 1)

@@ -1,4 +1,4 @@
-"""The terms of a joint's inverse dynamics beside its friction: the one table of their names and units, and their columns."""
+"""The terms of a joint's inverse dynamics other than friction: one table of their names and units, and their columns."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.model import Estimate
 
-#: Term -> unit for a rotary and for a linear joint; those of an axis with its drive and of where its motion starts among them.
+#: Term -> unit for a rotary and for a linear joint, including parameters of an axis with its drive and of the initial state.
 TERMS: dict[str, tuple[str, str]] = {
     "inertia": ("kg.m^2", "kg"),
     "time_slip": ("s", "s"),
@@ -41,17 +41,17 @@ TERMS: dict[str, tuple[str, str]] = {
     "hysteresis_area": ("J", "J"),
 }
 GRAVITY = ("gravity_sin", "gravity_cos")
-RIGID = ("inertia", "offset", *GRAVITY)  # what is linear in a number, for any motion
+RIGID = ("inertia", "offset", *GRAVITY)  # terms that are linear in their parameter
 
 
 def unit_of(term: str, unit: str) -> str:
-    """Return the SI unit of a term for a joint in `rad` or `m`; `SI` for what has no unit of its own here."""
+    """Return the SI unit of a term for a joint in `rad` or `m`; `SI` for terms that are not in the table."""
     rotary, linear = TERMS.get(term, ("SI", "SI"))
     return rotary if unit == "rad" else linear
 
 
 def estimates(values: Mapping[str, tuple[float, float]], unit: str) -> dict[str, Estimate]:
-    """Return numbers of the dynamics as a model keeps them.
+    """Return values of terms as the estimates of a model.
 
     Args:
         values: term -> value and standard error [SI].
@@ -64,14 +64,14 @@ def estimates(values: Mapping[str, tuple[float, float]], unit: str) -> dict[str,
 
 
 def column(motion: Any, term: str) -> np.ndarray:
-    """Return what a term of `RIGID` is multiplied with, (n,).
+    """Return the regressor column of a term of `RIGID`, (n,).
 
     Args:
-        motion: with `acceleration`, `torque` and `position`.
+        motion: any object with `acceleration`, `torque` and `position`.
         term: one of `RIGID`.
 
     Raises:
-        NotIdentifiable: gravity is sought without positions.
+        NotIdentifiable: gravity is to be fitted without positions.
     """
     if term == "inertia":
         return motion.acceleration
@@ -86,7 +86,7 @@ def column(motion: Any, term: str) -> np.ndarray:
 
 
 def columns(motion: Any, terms: Iterable[str]) -> np.ndarray:
-    """Return the columns of some terms of `RIGID`, one a row, (k, n)."""
+    """Return the regressor columns of some terms of `RIGID`, one per row, (k, n)."""
     wanted = list(terms)
     pulls: dict[str, np.ndarray] = {}
     if set(GRAVITY) <= set(wanted) and motion.position is not None:

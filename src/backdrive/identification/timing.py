@@ -1,8 +1,8 @@
 """The timing of a log's torque: sampled with the position, or commanded from that sample on.
 
-A command u_k acts from t_k to t_k+1, so on average half an interval later than position and velocity of t_k; a measured torque is
-of t_k itself. Taking one for the other biases a sweep's curve by up to -1.9 I V^3 T / A^2. The inertia shows which one it is:
-a torque with the delay d adds -I d times the jerk (`design`).
+A command u_k acts from t_k to t_k+1, on average half an interval later than position and velocity at t_k. A measured torque
+belongs to t_k itself. Confusing the two biases a sweep's curve by up to -1.9 I V^3 T / A^2. The inertia distinguishes them,
+since a torque with the delay d adds -I d times the jerk (`design`).
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from backdrive.identification.motion_bins import bin_means
 from backdrive.identification.signals import Signals
 
 Timing = Literal["command", "sample"]
-NEAR = 0.25  # a delay this close to a command's (-0.5) or a sample's (0) decides [interval]
-SURE = 0.15  # with a standard error of at most this [interval]
+NEAR = 0.25  # largest distance of a delay from that of a command (-0.5) or a sample (0) [sampling interval]
+SURE = 0.15  # largest standard error of a delay that decides the timing [sampling interval]
 
 
 def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, float]:
-    """Find from the motion whether the torque was commanded or sampled.
+    """Detect from the motion whether the torque was commanded or sampled.
 
     Args:
-        stretches: of one joint, at one rate.
+        stretches: of one joint, at one sampling rate.
 
     Returns:
         `command`, `sample`, or None if the inertia does not determine it; the delay of the torque behind the motion and its
@@ -53,7 +53,7 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
 
 
 def _means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
-    """Return means of acceleration, less jerk, a parabola of the position, and a curve for both directions, (n, 5 + k)."""
+    """Return means of acceleration, negative jerk, a parabola of the position, and a symmetric curve, (n, 5 + k)."""
     position = np.zeros_like(s.velocity) if s.position is None else s.position - s.position.mean()
     shape = curves.hats(np.abs(s.velocity), knots) * np.sign(s.velocity)[:, None]
     every = np.column_stack([s.acceleration, -s.jerk, np.ones_like(position), position, position**2, shape])

@@ -1,4 +1,4 @@
-"""Check a model on logs: measured against predicted torque, or motion given the drive's input where no torque is needed."""
+"""Validation of a model on logs: measured and predicted torque, or motion given the drive's input, without torque."""
 
 from __future__ import annotations
 
@@ -20,26 +20,27 @@ from backdrive.identification.smoothing import smoothing
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction, Quality
 
-LEAST_STEP = 1e-7  # of an integration that a model file may ask for [s]
+LEAST_STEP = 1e-7  # shortest integration step that a model file may contain [s]
 Pairs = list[tuple[np.ndarray, np.ndarray, float, np.ndarray]]
 
 
 def validate(
     model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = None, remarks: list[str] | None = None
 ) -> dict[str, Quality]:
-    """Return the relative residual of every joint that model and logs share.
+    """Return the relative torque residual of every joint that model and logs share.
 
     Args:
         model: with the friction of each joint.
         logs: with torque, of the same joints (by name).
         urdf: path of the robot description, for the model of a whole arm.
-        remarks: list that sentences are added to: which joints the logs move outside the model's validity range.
+        remarks: list to which sentences are added, for example on joints that move outside the model's validity range.
 
     Returns:
         joint name -> quality over all logs.
 
     Raises:
-        InvalidInput: model and logs share no joint, or the model is of an arm and its description is missing.
+        InvalidInput: model and logs share no joint, units or channels do not fit, or an arm's description is missing.
+        NotIdentifiable: the logs contain no motion to judge.
     """
     shared = _common_joints(model, logs)
     if model.arm is not None:
@@ -87,7 +88,7 @@ def validate(
 
 
 def _of_identification(friction: JointFriction) -> list[str]:
-    """Return a sentence with the identification's own warnings on a joint."""
+    """Return a sentence on a joint whose identification was poor or could not be judged."""
     grade = None if friction.verdict is None else friction.verdict.grade
     if grade not in ("poor", "unknown"):
         return []
@@ -97,19 +98,20 @@ def _of_identification(friction: JointFriction) -> list[str]:
 
 
 def validate_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, Quality]:
-    """Return for every joint that model and logs share how well its motion is predicted from the drive's input.
+    """Return the quality of the motion predicted from the drive's input, for every joint that model and logs share.
 
-    As in the fit, a log under a controller runs from its first sample to its last, and without one in windows.
+    As in the fit, a log under a controller is simulated as a whole, and a log without one in windows.
 
     Args:
-        model: of a fit from the drive's input, whose options hold the drive.
+        model: result of a fit from the drive's input, whose options contain the drive.
         logs: with position and the drive's input.
 
     Returns:
-        joint name -> root mean square of the position's error, alone [rad or m] and by that of the position about its mean [%].
+        joint name -> quality: root mean square error of the position [rad or m], and the same divided by the root mean square
+        of the position about its mean [%].
 
     Raises:
-        InvalidInput: the model holds no drive, or shares no joint with the logs.
+        InvalidInput: the model contains no drive, or shares no joint with the logs.
     """
     from backdrive.identification.dynamic.drive_stretch import drive_stretches, whole
 
@@ -152,13 +154,13 @@ def _common_joints(model: FrictionModel, logs: Sequence[Log]) -> list[str]:
 def _predictions(
     model: FrictionModel, friction: JointFriction, log: Log
 ) -> tuple[Pairs, Sequence[np.ndarray]]:
-    """Return what `judge` takes of one joint in one log, and the velocities of it [rad/s or m/s]."""
+    """Return the arguments of `judge` for one joint in one log, and the joint's velocities [rad/s or m/s]."""
     name = friction.joint.name
     if (
         friction.method == "constant-velocity"
         and log.position is None
         and not friction.dynamics.get("inertia")
-    ):  # compares mean torques, one for each run
+    ):  # compares mean torques, one per run
         runs = find_runs(log, name)
         velocity = np.array([r.velocity for r in runs])
         offset = friction.dynamics["offset"].value if "offset" in friction.dynamics else 0.0
@@ -174,19 +176,19 @@ def _predictions(
     if cutoff is None and friction.method == "motion":
         cutoff = smoothing([log], name).cutoff
     stretches = prepare(log, name, cutoff=cutoff)
-    searched = friction.method.startswith("fit of")  # presliding too: judged, as fitted, through reversals
+    searched = friction.method.startswith("fit of")  # a fit with presliding is judged through reversals
     return [
         (s.torque, predict(friction, s), s.rate, s.moving if searched else s.sliding) for s in stretches
     ], [s.velocity for s in stretches]
 
 
 def _positive(cutoff: Any) -> float | None:
-    """Return the low pass that a model's options name [Hz]; None: the usual one."""
+    """Return the cutoff frequency in a model's options [Hz]; None: the default."""
     return float(cutoff) if isinstance(cutoff, (int, float)) and cutoff > 0 else None
 
 
 def _axis(model: FrictionModel, name: str) -> tuple[Axis, float]:
-    """Return a joint with its drive, and the integration step that it was fitted with [s]."""
+    """Return a joint with its drive, and the integration step of the fit [s]."""
     from backdrive.identification.dynamic.motion_terms import OF_AXIS
 
     friction = model.joint(name)

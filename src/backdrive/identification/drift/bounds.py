@@ -1,12 +1,12 @@
 """Upper bound of an adapted friction level: the compensation never exceeds the joint's own friction.
 
-A compensator with the torque R theta f along the motion adds the power R theta |f v|, and the joint's friction dissipates |F
-v|. If R theta |f(v)| <= |F(v)| at every speed and in both directions, the sum never adds energy, however theta varies within
-its bounds. The loop stays as passive as before. So the largest level is
+A compensator with the torque R theta f along the motion adds the power R theta |f v|, and the joint's friction dissipates
+|F v|. If R theta |f(v)| <= |F(v)| at every speed and in both directions, the sum never adds energy for any theta within its
+bounds. The loop stays as passive as before. The largest level is therefore
 
     theta_up = min over v of F_least(v) / (R f(v))
 
-with F_least the least friction that the joint can have: the lower end of its interval, or its curve when it is warm.
+where F_least is the least friction that the joint can have: the lower end of its interval, or its curve when it is warm.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from backdrive.errors import InvalidInput
 from backdrive.laws import Law
 from backdrive.laws.base import Rate
 
-SPEEDS = 400
+SPEEDS = 400  # number of compared speeds in each direction
 
 
 def passive_level(
@@ -26,14 +26,15 @@ def passive_level(
     """Return the largest level of a compensated law that leaves a joint passive [-].
 
     Args:
-        law: that is compensated, at level 1; a law or its rate.
-        least: the least friction that the joint can have, alike.
-        gain: R, share of the law that is compensated [-].
-        top_speed: up to which it holds [rad/s or m/s].
-        margin: taken off the least friction, such as 1.96 standard errors of its curve [N.m or N], one number.
+        law: the compensated law at level 1; a law or its rate.
+        least: the least friction that the joint can have; a law or its rate.
+        gain: R, compensated share of the law [-].
+        top_speed: largest speed at which the joint stays passive [rad/s or m/s].
+        margin: subtracted from the least friction, such as 1.96 standard errors of its curve [N.m or N], one number.
 
     Raises:
-        InvalidInput: gain or speed are not positive, the law vanishes somewhere, or no level above 0 would do.
+        InvalidInput: gain or speed is not positive, the margin is negative, the law is zero at a speed, or no level above 0
+            leaves the joint passive.
     """
     law, least = (x if isinstance(x, Law) else Law(rate=x) for x in (law, least))
     if not margin >= 0.0:

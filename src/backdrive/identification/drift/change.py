@@ -1,17 +1,17 @@
 """Test whether a joint's friction has changed: the distance of two identified curves, and whether noise explains it.
 
-With d the difference of the two curves at some speeds and C the sum of their covariances there, d' C^-1 d follows a chi-square
-distribution with as many degrees of freedom as there are speeds, if nothing changed. The curves are compared at no more
-speeds than either has parameters. A model file may contain standard errors without their correlations; then C treats the
-parameters' errors as independent. This is nearly true for the knots of one sweep. The knots of several sweeps share the error
-of gravity: give the covariance of `fit_sweeps` there.
+Let d be the difference of the two curves at some speeds, and C the sum of their covariances there. If nothing changed,
+d' C^-1 d follows a chi-square distribution with one degree of freedom per speed. The curves are compared at no more speeds
+than either has parameters. A model file may contain standard errors without their correlations; then the parameters' errors
+are taken as independent. This is nearly true for the knots of one sweep. The knots of several sweeps share the error of
+gravity, so pass the covariance of `fit_sweeps` for them.
 
-If only one of the models has a curve for each direction, d is the difference of (|F(v)| + |F(-v)|) / 2, since the other model
-does not separate the directions.
+If only one of the models has a curve for each direction, the other one does not separate the directions. Then d is the
+difference of (|F(v)| + |F(-v)|) / 2.
 
 Standard errors are themselves estimates from a single log, which widens the tail of the test. On 200 pairs of simulated sweeps
-without a change, the rate of false alarms was 2.5 % instead of 1 %, and 7.5 % instead of 5 %. So they are multiplied by
-`REPEAT` here, a factor chosen after that result (`benchmarks/evidence/drift.py`).
+without a change, the rate of false alarms was 2.5 % instead of 1 %, and 7.5 % instead of 5 %. Standard errors are therefore
+multiplied by `REPEAT`, a factor chosen after that result (`benchmarks/evidence/drift.py`).
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from backdrive.plans.base import phrase
 ALARM = 0.01  # probability of a false alarm [-]
 REPEAT = 1.1  # scatter of repeated identifications, divided by the standard error from one log [-]
 REACH = 1.96  # standard errors of a 95 % interval
-SLOWEST = 0.02  # share of the top speed below which curves are not compared: there they jump [-]
-MEANS = 60  # speeds over which the mean change is taken
-# a combination of speeds with less than this share of the largest variance is not tested [-]
+SLOWEST = 0.02  # lowest speed for the mean change, relative to the top speed, since curves jump at rest [-]
+MEANS = 60  # number of speeds for the mean change
+# least variance of a tested combination of speeds, relative to the largest one [-]
 LEAST_EIGEN = 1e-6
 
 
@@ -46,7 +46,7 @@ class Change:
     Attributes:
         joint: its name.
         unit: of torques, N.m or N.
-        top_speed: up to which both hold [rad/s or m/s].
+        top_speed: largest compared speed [rad/s or m/s].
         distance: E of Iwatani 2017, (2.16), along +q and -q [N.m or N].
         relative: E_p of (2.17), of the second to the first, along +q and -q [-].
         shape: size of the change of shape in the verdict: the larger of `relative`, or E_p of the mean of both directions [-].
@@ -54,8 +54,8 @@ class Change:
         mean_error: its standard error, `REPEAT` included [-]; NaN where a model has none.
         chi_square: of the test; NaN where a model has no standard errors.
         degrees: of freedom.
-        probability: of a chi-square as large by chance [-].
-        alarm: probability below which it is called a change [-].
+        probability: of a chi-square at least as large by chance [-].
+        alarm: probability below which the difference counts as a change [-].
         remarks: what weakens the comparison, in sentences.
     """
 
@@ -75,7 +75,7 @@ class Change:
 
     @property
     def is_testable(self) -> bool:
-        """Whether both models have the errors that a test needs."""
+        """Whether both models have standard errors, which the test needs."""
         return bool(np.isfinite(self.probability))
 
     @property
@@ -112,14 +112,14 @@ def change_of(
     Args:
         first: the earlier one, to which the change is relative.
         second: the later one.
-        top_speed: up to which they are compared, not beyond where both hold [rad/s or m/s]; None: as far as both hold.
+        top_speed: largest compared speed, within the validity of both [rad/s or m/s]; None: as far as both are valid.
         alarm: probability of a false alarm [-].
-        covariances: of the knots of each, positive ones first, for curves of line sections [(N.m)^2 or N^2], (2 m, 2 m); None:
-            from the standard errors.
+        covariances: of the knots of each curve of line sections, along +q first [(N.m)^2 or N^2], (2 m, 2 m); None: from the
+            standard errors.
 
     Raises:
-        InvalidInput: a rotary and a linear joint, no speed that both hold at, a speed beyond, curves that are zero or beyond
-            all numbers, or a covariance of the wrong size.
+        InvalidInput: the units of the joints differ, the models have no common speed or `top_speed` exceeds it, a curve is
+            zero or too large, or a covariance has the wrong size.
     """
     a, b = first.joint, second.joint
     if a.unit != b.unit:
@@ -211,7 +211,7 @@ def change_of(
 
 
 def _under_the_same_load(first: JointFriction, second: JointFriction) -> tuple[JointFriction, list[str]]:
-    """Return the second model's friction under the load of the first model's curve, and a remark on it."""
+    """Return the second model's friction under the load of the first model's curve, and remarks on the conversion."""
     before, after = growth_with_load(first), growth_with_load(second)
     if before is None and after is None:
         return second, []
@@ -247,7 +247,7 @@ def chance(chi_square: float, degrees: int) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Errors:
-    """Free numbers of a law, each a list of (parameter, index) that move together, and their covariance."""
+    """Free numbers of a law, each a list of (parameter, index) that change together, and their covariance."""
 
     numbers: list[list[tuple[str, int | None]]]
     covariance: np.ndarray
@@ -292,15 +292,15 @@ def _errors(friction: JointFriction, covariance: np.ndarray | None) -> _Errors |
 
 
 def _middle(of: Callable[[np.ndarray], np.ndarray], speeds: np.ndarray) -> np.ndarray:
-    """Return the mean of both directions of what has the sign of the motion."""
+    """Return the mean over both directions of a quantity that changes sign with the motion."""
     return 0.5 * (of(speeds) - of(-speeds))
 
 
 def _slopes(law: Law, errors: _Errors, velocity: np.ndarray) -> np.ndarray:
-    """Return the derivative of the torque by each free number, (n, P)."""
+    """Return the derivative of the torque with respect to each free number, (n, P)."""
     columns = []
     for group, variance in zip(errors.numbers, np.diag(errors.covariance), strict=True):
-        for way in (1.0, -1.0):  # a number at its bound can move one way only
+        for way in (1.0, -1.0):  # a number at its bound can change in one direction only
             step = way * 1e-3 * np.sqrt(variance)
             try:
                 moved = Law(rate=_step_numbers(law.rate, group, step), element=law.element)
@@ -322,7 +322,7 @@ def _step_numbers(rate, group: list[tuple[str, int | None]], step: float):
 
 
 def _places(frictions, parts, top: float, one_way: bool) -> np.ndarray:
-    """Return signed speeds to compare at, no more than either law has free numbers."""
+    """Return the signed speeds to compare at, no more than the free numbers of either law."""
     most = min(len(p.numbers) if p.tied else len(p.numbers) // 2 for p in parts)
     knots = [np.array(f.law.rate.velocity) for f in frictions if isinstance(f.law.rate, Polyline)]
     knots = [k[(k > 0) & (k <= top * 1.02)] for k in knots]

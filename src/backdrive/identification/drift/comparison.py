@@ -1,4 +1,4 @@
-"""Two models of a robot, joint by joint: has friction changed?"""
+"""Comparison of two models of a robot, joint by joint: has friction changed?"""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ PAIRING = either("names of joints, or a dict from one model's to the other's", T
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison(Display):
-    """What differs between two models.
+    """The differences between two models.
 
     Attributes:
-        changes: one a joint that both have.
-        left_out: a sentence for every joint that only one has, and for what was assumed.
+        changes: one per joint of both models.
+        left_out: a sentence for every joint that only one model has, and for every assumption.
         models: the two.
     """
 
@@ -71,19 +71,19 @@ def compare(
     top_speed: float | None = None,
     alarm: float = ALARM,
 ) -> Comparison:
-    """Compare two models joint by joint; joints are the same where their names are.
+    """Compare two models joint by joint; joints are matched by name.
 
     Args:
         first: the earlier one.
         second: the later one.
-        joints: names to compare, or name in the first -> name in the second; None: all that both have.
+        joints: names to compare, or name in the first -> name in the second; None: all joints of both.
         rename: name in the second -> name in the first.
-        top_speed: up to which to compare [rad/s or m/s]; None: as far as both hold.
+        top_speed: largest compared speed [rad/s or m/s]; None: as far as both models are valid.
         alarm: probability of a false alarm, for each joint.
 
     Raises:
-        InvalidInput: the models have no joint in common, or a number makes no sense.
-        UnknownName: a joint is in neither.
+        InvalidInput: the models have no joint in common, or a number is invalid.
+        UnknownName: a model does not have the joint.
     """
     for model in (first, second):
         check_type(model, FrictionModel, "friction model", "Give two, such as identify(log).model.")
@@ -109,7 +109,7 @@ def compare(
 
 
 def _rename_joints(model: FrictionModel, names: Mapping[str, str]) -> FrictionModel:
-    """Return a model with its joints under the names that a person gives them."""
+    """Return a model with its joints renamed."""
     if not names:
         return model
     joints = rename_joints(
@@ -124,7 +124,7 @@ def _rename_joints(model: FrictionModel, names: Mapping[str, str]) -> FrictionMo
 def _pairs(
     first: FrictionModel, second: FrictionModel, joints: Sequence[str] | Mapping[str, str] | None
 ) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return names of the joints to compare, and a sentence for every joint that only one model has."""
+    """Return pairs of names to compare, and a sentence for every joint that only one model has."""
     if joints:
         words = dict(joints) if isinstance(joints, Mapping) else {name: name for name in joints}
         return [(first.joint(a).joint.name, second.joint(b).joint.name) for a, b in words.items()], []

@@ -2,11 +2,11 @@
 
     tau_f(v, theta) = F(v) + theta G(v),    theta' = (P - theta) / T_th,    P = tau_f v
 
-A joint warms by what its friction turns into heat: C dTheta/dt = eta P - h (Theta - ambient). Divided by h, the rise of temperature
-is eta/h times the friction's power P, low-passed with the time constant T_th = C/h. Without a sensor, eta/h cannot be
-separated from the friction's sensitivity: twice the warming with half the sensitivity gives the same torques. So the virtual
-temperature theta is that low-passed power [W], and only T_th and the product G are identified. With a sensor theta is its
-reading less a reference [degC]. To first order in theta, every knot of the curve moves along a straight line.
+A joint warms by the heat of its friction: C dTheta/dt = eta P - h (Theta - ambient). The rise of temperature is therefore
+eta/h times the friction's power P, low-passed with the time constant T_th = C/h. Without a sensor, eta/h cannot be separated
+from the friction's sensitivity: twice the warming with half the sensitivity gives the same torques. The virtual temperature
+theta is that low-passed power [W], and only T_th and the product G are identified. With a sensor, theta is its reading minus
+a reference [degC]. To first order in theta, the friction at every knot of the curve is a straight line over theta.
 
 For a given T_th the model is linear: T_th is found by a search, all other parameters by regression (variable projection:
 Golub & Pereyra, SIAM J. Numer. Anal. 10, 1973). Virtual temperature in place of a sensor: Simoni, Beschi, Legnani, Visioli
@@ -29,29 +29,29 @@ from backdrive.identification.signals import Signals, prepare
 from backdrive.laws import Law, Polyline
 from backdrive.logs.log import Log
 
-BIN = 0.05  # over which samples are averaged [s]
+BIN = 0.05  # length of the bins over which samples are averaged [s]
 SLOW = 0.03  # share of the top speed that every sample of a bin must exceed [-]
-BLOCKS = 40  # of time, whose scores are taken as independent
-LEAST_RISE = 2.0  # a sensor must rise by so much [degC]
-SURE = 0.01  # probability by chance of a growth with temperature, above which there is none [-]
-GRID = 24  # time constants tried
-ROUNDS = 2  # the power is that of the curve of the round before
+BLOCKS = 40  # number of blocks of time whose scores are taken as independent
+LEAST_RISE = 2.0  # least span of a sensor's temperature [degC]
+SURE = 0.01  # largest probability of a change with temperature by chance [-]
+GRID = 24  # number of time constants on the grid
+ROUNDS = 2  # number of iterations, in each of which the power follows from the last curve
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Thermal:
-    """A friction curve that moves with temperature.
+    """A friction curve that depends on temperature.
 
     Attributes:
         velocity: knots [rad/s or m/s], (K,).
         cold: friction at the knots at theta = 0 [N.m or N], (K,).
-        slope: G, its growth with theta [N.m/degC or N/degC; virtual: N.m/W or N/W], (K,).
+        slope: G, derivative of the friction with respect to theta [N.m/degC or N/degC; virtual: N.m/W or N/W], (K,).
         covariance: of cold and slope together, (2 K, 2 K).
         time_constant: T_th of a virtual temperature and its standard error [s]; NaN with a sensor.
-        reference: temperature at theta = 0 [degC]; NaN for a virtual one, which begins at 0.
+        reference: temperature at theta = 0 [degC]; NaN for a virtual one, which starts at 0.
         reached: range of theta in the log [degC or W].
-        explained: share of the torque's change with time that the temperature explains [-].
-        rms: of what is left [N.m or N].
+        explained: share of the residual without temperature that the temperature explains [-].
+        rms: root mean square of the residual [N.m or N].
     """
 
     velocity: np.ndarray
@@ -73,7 +73,7 @@ class Thermal:
         """Return the curve at a temperature.
 
         Args:
-            theta: reading less `reference` [degC]; virtual: low-passed power [W].
+            theta: reading minus `reference` [degC]; virtual: low-passed power [W].
 
         Raises:
             InvalidInput: friction would be negative there.
@@ -98,13 +98,13 @@ class Thermal:
 
 
 def virtual_temperature(power: np.ndarray, interval: float, time_constant: float) -> np.ndarray:
-    """Return the virtual temperature of a joint that begins at ambient temperature [W], (n,).
+    """Return the virtual temperature of a joint that starts at ambient temperature [W], (n,).
 
     Exact for a power that is constant within each interval.
 
     Args:
         power: of the friction, tau_f v [W], (n,).
-        interval: between its samples [s].
+        interval: sampling interval of the power [s].
         time_constant: T_th [s].
     """
     from scipy.signal import lfilter
@@ -116,17 +116,18 @@ def virtual_temperature(power: np.ndarray, interval: float, time_constant: float
 def identify_thermal(
     log: Log, joint: str | int = 0, *, knots: Sequence[float] | None = None, virtual: bool | None = None
 ) -> Thermal:
-    """Identify how a joint's friction moves with temperature, from the log of a warm-up that begins cold.
+    """Identify the dependence of a joint's friction on temperature, from the log of a warm-up that starts cold.
 
     Args:
         log: with torque and motion at several speeds, repeated while the joint warms.
         joint: name or column.
         knots: speeds of the curve [rad/s or m/s]; None: five shares of the top speed.
-        virtual: take the friction's power for the temperature; None: where the log has no reading.
+        virtual: use the low-passed friction power as temperature; None: only if the log has no temperature.
 
     Raises:
-        NotIdentifiable: the temperature, or the virtual one, hardly changes.
-        InvalidInput: a temperature is wanted that the log does not hold, or knots that are not increasing.
+        NotIdentifiable: the temperature hardly changes, friction does not depend on it significantly, or a log without
+            temperature has gaps.
+        InvalidInput: the log holds no temperature, or the knots are not increasing speeds above zero.
     """
     from scipy.optimize import minimize_scalar
 
@@ -149,7 +150,7 @@ def identify_thermal(
         raise InvalidInput(f"knots = {V.tolist()}.", remedy="Give increasing speeds above zero.")
     shape = basis(v, V)
     shape = shape[:, : V.size] + shape[:, V.size :]
-    fast = np.concatenate([p[5] for p in parts]) > SLOW * top  # bins in which the joint turns are left out
+    fast = np.concatenate([p[5] for p in parts]) > SLOW * top  # bins with a reversal are left out
     rest = np.column_stack([a, np.ones_like(v), np.sin(q), np.cos(q)])
     weight = fast.astype(float)
     if not virtual:
@@ -183,7 +184,7 @@ def identify_thermal(
 
 
 def _width(s: Signals) -> int:
-    """Return samples a bin."""
+    """Return the number of samples per bin."""
     return max(1, round(BIN * s.rate))
 
 
@@ -209,7 +210,7 @@ def _sandwich(X: np.ndarray, tau: np.ndarray, weight: np.ndarray) -> tuple[np.nd
 
 
 def _time_error(shape, rest, power, interval, T, tau, weight) -> float:
-    """Return the standard error of the time constant, all else being fitted with it [s]."""
+    """Return the standard error of the time constant, with all other parameters refitted [s]."""
     K, step = shape.shape[1], 1e-3 * T
     theta = virtual_temperature(power, interval, T)
     X = np.hstack([shape, theta[:, None] * shape, rest])

@@ -2,11 +2,11 @@
 
     x_i = x_(i-1) + w_i,  w_i ~ N(0, q (t_i - t_(i-1)));      y_i = x_i + e_i,  e_i ~ N(0, s_i^2)
 
-y_i: level of the i-th identification, s_i: its standard error, q: variance of the level's random walk per time. Kalman's
-filter and Rauch's smoother give the level with its interval for every q of a grid. The results are averaged with the
+y_i is the level of the i-th identification, s_i its standard error, q the variance of the level's random walk per unit of time.
+Kalman's filter and Rauch's smoother give the level and its error for every q of a grid. The results are averaged with the
 likelihood as weight, since a single best q from a dozen identifications would make the intervals too narrow. The test for a
 change does not use that model. If the level is constant, sum (y_i - mean)^2 / s_i^2 is chi-square with n - 1 degrees of
-freedom; a second test is that of the slope of a straight line.
+freedom. A second test is that of the slope of a straight line.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ import numpy as np
 from backdrive.errors import InvalidInput
 from backdrive.identification.drift.change import ALARM, REACH, chance
 
-GRID = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 31)])  # of q, in mean variances by mean interval [-]
+# values of q, relative to the mean of s_i^2 divided by the mean interval [-]
+GRID = np.concatenate([[0.0], np.geomspace(1e-3, 1e2, 31)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,14 +28,14 @@ class Track:
     """The level over time.
 
     Attributes:
-        time: of the identifications, as given, (n,).
+        time: of each identification, as given, (n,).
         level: smoothed [unit of y], (n,).
         error: standard error of `level`, (n,).
-        wander: q, its mean, variance of the level's steps by time.
-        chi_square: of a constant level; `degrees` of freedom are n - 1.
-        probability: of a chi-square as large where the level is constant [-].
-        slope: of a straight line, its standard error, and the probability of a slope as large by chance.
-        alarm: probability below which it is called a change [-].
+        wander: mean of q, the variance of the level's steps per unit of time.
+        chi_square: of a constant level, with `degrees` of freedom.
+        probability: of a chi-square at least as large if the level is constant [-].
+        slope: of a straight line, its standard error, and the probability of a slope at least as large by chance.
+        alarm: probability below which a difference counts as a change [-].
     """
 
     time: np.ndarray
@@ -77,13 +78,13 @@ def track(
     """Track a level over repeated identifications.
 
     Args:
-        time: of each, increasing, in any unit (n,).
-        level: what each found, for example the friction at a speed [N.m or N], (n,).
-        error: standard error of each, in the unit of the level (n,).
+        time: of each identification, increasing, in any unit, (n,).
+        level: result of each identification, for example the friction at a speed [N.m or N], (n,).
+        error: standard error of each level [unit of the level], (n,).
         alarm: probability of a false alarm [-].
 
     Raises:
-        InvalidInput: fewer than three, of different length, not in order, or without standard errors.
+        InvalidInput: fewer than three identifications, different lengths, times not increasing, or no standard errors.
     """
     t, y, s = (np.asarray(x, dtype=np.float64) for x in (time, level, error))
     if t.ndim != 1 or not t.shape == y.shape == s.shape or t.size < 3:

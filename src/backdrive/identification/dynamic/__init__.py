@@ -1,4 +1,4 @@
-"""Any friction law, presliding included: searched from torque given motion, or from motion given the drive's input."""
+"""Fit of any friction law, presliding included, to torque given motion, or to motion given the drive's input."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ NOT_NEGATIVE = ("load_inertia", "damping", "load_dependence")
 
 
 def is_driven(logs: Sequence[Log], options: Options) -> bool:
-    """Return whether motion is fitted given the drive's input, not torque given motion."""
+    """Return whether motion is fitted given the drive's input, rather than torque given motion."""
     return options.drive is not None or any(
         log.torque is None and log.drive_input is not None for log in logs
     )
@@ -45,7 +45,7 @@ def check(options: Options) -> None:
     """Refuse contradictory numbers and unknown laws, before any long computation.
 
     Raises:
-        InvalidInput: a number makes no sense, two contradict each other, or a rate law and an element do not go together.
+        InvalidInput: a number is invalid, two contradict each other, or a rate law and an element cannot be combined.
         UnknownName: no such law, loss or kind of interval.
     """
     lookup(options.loss, LOSSES, "loss")
@@ -84,13 +84,13 @@ def check(options: Options) -> None:
 def fit_joints(
     logs: Sequence[Log], held_out: Sequence[Log], names: Sequence[str], options: Options, warnings: list[str]
 ) -> tuple[list[JointFit], bool]:
-    """Return the search's outcome for every joint that can be fitted, and whether a person interrupted it.
+    """Return the fit of every joint for which one exists, and whether a person interrupted the search.
 
     Args:
-        logs: to fit.
-        held_out: to judge on; windows of the fitted ones where there are none.
-        names: of joints.
-        options: what is asked.
+        logs: logs to fit.
+        held_out: logs to judge on; without any, windows of the fitted logs are held out.
+        names: of the joints.
+        options: options of the user.
         warnings: list to which warnings on the whole result are added.
 
     Raises:

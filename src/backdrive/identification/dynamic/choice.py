@@ -16,16 +16,14 @@ from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.signals import spans
 
-WINDOWS = 15  # of time, of which every third is held out
-FEWEST = 9  # where the motion is so slow that fewer windows last as long as a period of it
-WORTH = 0.02  # a richer law must lower the held-out error by this share [-]
-LEAST = 0.002  # or by this, where the windows agree [-]
-CLEAR = 0.999  # probability by which they agree [-]
-LOST = (
-    0.1  # share of its gain that a richer law may lose in other windows, if few windows contain the gain [-]
-)
+WINDOWS = 15  # number of windows of time, every third of which is held out
+FEWEST = 9  # least number of windows; for a slow motion, they are shorter than its period
+WORTH = 0.02  # least relative decrease of the held-out error that justifies a richer law [-]
+LEAST = 0.002  # least relative decrease of the held-out error if it is significant over the windows [-]
+CLEAR = 0.999  # one-sided confidence level at which a decrease over the windows is significant [-]
+LOST = 0.1  # if few windows contain a law's gain: largest loss in the others, relative to the gain [-]
 
-#: Laws that `auto` considers by what the data can support.
+#: Laws that `auto` tries, as far as the data can support them.
 CURVES = ("coulomb-viscous", "stribeck-gauss", "stribeck-tustin", "degressive")
 PRESLIDING = ("stribeck-gauss+hayward-armstrong", "stribeck-gauss+lugre", "stribeck-gauss+elastoplastic")
 LOADED = ("m3", "m4", "m5")
@@ -38,15 +36,15 @@ class Candidate:
 
     Attributes:
         name: of the law.
-        parameters: numbers that were sought.
-        error: RMS on what was fitted [N.m or N; rad or m where motion was fitted]; NaN where the fit failed.
-        held_out: RMS on what was not [the same unit].
-        aic: Akaike's information criterion, less the smallest of the choice.
-        seconds: that the fit took.
-        remark: why it failed, or what it could not see.
-        fit: None where it failed.
+        parameters: number of estimated parameters.
+        error: RMS error on the fitted data [N.m or N; rad or m where motion was fitted]; NaN if the fit failed.
+        held_out: RMS error on the held-out data [the same unit].
+        aic: Akaike's information criterion, minus the smallest one of the choice.
+        seconds: duration of the fit [s].
+        remark: why the fit failed, or the parameters that it does not determine.
+        fit: None if it failed.
         windows: mean squared error of each held-out window, for paired comparison.
-        shown: the data determine its presliding, if it has any; otherwise a law without presliding is preferred.
+        shown: False if the law has presliding that the data do not determine; then a law without presliding is preferred.
     """
 
     name: str
@@ -63,13 +61,13 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """The laws that were tried on one joint, and the one to use.
+    """The laws tried on one joint, and the chosen one.
 
     Attributes:
         joint: its name.
-        candidates: in the order of their number of parameters.
+        candidates: sorted by number of parameters.
         chosen: name of the law to use.
-        reason: why, and why not a richer one.
+        reason: why this law, and why no richer one.
         unit: of the errors.
     """
 
@@ -80,7 +78,7 @@ class Choice:
     unit: str = "N.m"
 
     def candidate(self, name: str | None = None) -> Candidate:
-        """Return a candidate by name; None: the chosen one.
+        """Return a candidate by name; the chosen one for None.
 
         Raises:
             UnknownName: no such law was tried.
@@ -120,11 +118,11 @@ def shortlist(words: str | Sequence[str], *, presliding: bool, load: bool, warm:
 
 
 def windows(lengths: Sequence[int], period: float = 0.0) -> list[np.ndarray]:
-    """Return for stretches of so many samples a mask each of those that are held out: every third of the windows of time.
+    """Return a mask of the held-out samples of each stretch: every third window of time.
 
     Args:
-        lengths: of the stretches [sample].
-        period: of the motion [sample]; a window lasts as long, if enough windows remain.
+        lengths: number of samples of each stretch.
+        period: of the motion [sample]; a window is at least as long, unless fewer than `FEWEST` would remain.
     """
     total = sum(lengths)
     most = float(np.clip(total / max(period, 1.0), FEWEST, WINDOWS))
@@ -136,17 +134,17 @@ def windows(lengths: Sequence[int], period: float = 0.0) -> list[np.ndarray]:
 
 
 def without(stretches: Sequence[Stretch], masks: Sequence[np.ndarray]) -> list[Stretch]:
-    """Return stretches in which masked samples do not count; the motion stays whole, so that states are right."""
+    """Return stretches whose masked samples do not count. The motion stays complete, since the law's states depend on it."""
     return [replace(s, judged=s.judged & ~mask) for s, mask in zip(stretches, masks, strict=True)]
 
 
 def held_out_errors(fit: Fit, records: Sequence[Any], masks: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the mean squared error of each held-out window, in the unit of what was measured, squared, (W,).
+    """Return the mean squared error of each held-out window [unit of the measurement, squared], (W,).
 
     Args:
-        fit: that has not seen them.
+        fit: a fit that has not seen the windows.
         records: stretches or motion logs.
-        masks: samples of each that are held out, (n,).
+        masks: held-out samples of each record, (n,).
     """
     found = []
     for (_, counts), miss, mask in zip(fit.problem.series(records), fit.misses(records), masks, strict=True):
@@ -155,24 +153,24 @@ def held_out_errors(fit: Fit, records: Sequence[Any], masks: Sequence[np.ndarray
 
 
 def squares(squared: np.ndarray, mask: np.ndarray, counts: np.ndarray) -> list[float]:
-    """Return the mean of squared errors over each run of a mask, of the samples that count."""
+    """Return the mean squared error of each run of a mask, over the samples that count."""
     runs = [squared[a:b][counts[a:b]] for a, b in spans(mask)]
     return [float(run.mean()) for run in runs if run.size]
 
 
 def training_error(fit: Fit, stretches: Sequence[Stretch]) -> tuple[float, int]:
-    """Return the mean squared error on what was fitted [N.m or N, squared], rests included, and the number of samples."""
+    """Return the mean squared error on the fitted data [N.m or N, squared], rests included, and the number of samples."""
     squared = [(miss**2)[s.judged] for s, miss in zip(stretches, fit.misses(stretches), strict=True)]
     joined = np.concatenate(squared)
     return float(joined.mean()), joined.size
 
 
 def shows_presliding(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[str]) -> bool:
-    """Say whether a fit saw something of a law's presliding.
+    """Return whether a fit determines a law's presliding: its stiffness, or else the first number of its element.
 
     Args:
         shape: of the law.
-        unseen: numbers that the motion does not show.
+        unseen: numbers that the motion does not determine.
         at_bound: numbers that ended at a bound.
     """
     hidden = {n.partition("[")[0] for n in (*unseen, *at_bound)}
@@ -182,7 +180,7 @@ def shows_presliding(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[
 
 
 def remark(unseen: Iterable[str]) -> str:
-    """Return in a few words what a fit could not see."""
+    """Return the parameters that a fit does not determine, in a few words."""
     plain = list(dict.fromkeys(n.partition("[")[0] for n in unseen))
     return f"not determined: {', '.join(plain)}" if plain else ""
 
@@ -194,10 +192,10 @@ def choose(
 
     Args:
         joint: its name.
-        candidates: fitted and judged.
+        candidates: fitted laws with their held-out errors.
         unit: of the errors.
-        size: root mean square of what was measured, for percentages.
-        what: was measured, for the sentence.
+        size: root mean square of the measured quantity, for percentages.
+        what: name of the measured quantity, for the sentence.
     """
     alive = sorted(
         (c for c in candidates if np.isfinite(c.held_out)),
@@ -233,14 +231,16 @@ def choose(
 
 
 def _comparable_error(candidate: Candidate) -> float:
-    """Return the held-out error to six digits. Laws that differ less are two forms of one law, and rounding must not decide
-    between them.
-    """
+    """Return the held-out error to six digits, so that rounding does not decide between two forms of one law."""
     return float(f"{candidate.held_out:.6g}")
 
 
 def _worth(simple: Candidate, best: Candidate) -> bool:
-    """Return whether the best law's gain over a simpler one is significant, or both large and above the windows' scatter."""
+    """Return whether the best law's gain over a simpler one justifies it.
+
+    The gain must be significant over the windows. Or it must be large, and either exceed its standard error or nearly spare
+    every window a loss.
+    """
     enough = best.held_out < (1.0 - WORTH) * simple.held_out
     if simple.windows is None or best.windows is None or len(simple.windows) != len(best.windows):
         return enough
@@ -250,5 +250,5 @@ def _worth(simple: Candidate, best: Candidate) -> bool:
         return False
     error = float(gain.std(ddof=1) / np.sqrt(count)) if count > 1 else 0.0
     clear = count > 1 and mean > error * float(stdtrit(count - 1, CLEAR))
-    steady = float(np.maximum(-gain, 0.0).sum()) < LOST * float(gain.sum())  # what slow windows alone show
+    steady = float(np.maximum(-gain, 0.0).sum()) < LOST * float(gain.sum())  # the gain of slow windows alone
     return clear or (enough and (mean > error or steady))

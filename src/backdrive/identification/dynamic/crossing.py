@@ -1,7 +1,7 @@
-"""Check whether a law of velocity alone is valid through reversals; if it is not, reversals are left out of the fit.
+"""Check whether a law of velocity alone is valid through reversals; otherwise they are left out of the fit.
 
-At a reversal a joint sticks, deflects elastically, and breaks away. A law of velocity alone cannot describe this. Fitted
-there, it gives too little Coulomb and too much viscous friction, or a break-away torque near zero.
+At a reversal a joint sticks, deflects elastically, and breaks away. A law of velocity alone cannot describe this. A fit
+through reversals gives too little Coulomb and too much viscous friction, or a break-away torque near zero.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from backdrive.identification.signals import spans
 from backdrive.laws.direction import BACKWARD
 
 ENOUGH = 0.3  # least share of sliding samples for a fit to sliding alone [-]
-LESS = 2.0  # reversals are left out if friction there is lower by so many standard errors [-]
-SMALL = 0.005  # and by more than this share of the torque: smoothing alone makes up less [-]
-FEWEST_TURNS = 6  # and so many of them
+LESS = 2.0  # least significance of lower friction at reversals for which they are left out [standard error]
+SMALL = 0.005  # least decrease of friction at reversals, relative to the RMS torque [-]
+FEWEST_TURNS = 6  # least number of reversals for the test
 
 
 def sliding(stretches: Sequence[Stretch], late: float = 0.0) -> list[Stretch]:
@@ -54,12 +54,12 @@ def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:
 def lags_behind(
     stretches: Sequence[Stretch], slid: Sequence[Stretch], misses: Sequence[np.ndarray], late: float
 ) -> bool:
-    """Return whether friction near reversals is lower than the fit predicts, as it is when a joint sticks and deflects first.
+    """Return whether friction near reversals is lower than the fit predicts, because the joint sticks and deflects there.
 
     Args:
         stretches: of one joint.
-        slid: the same of which only sliding counts.
-        misses: of the fit, measured less predicted torque of each [N.m or N], (n,).
+        slid: the same stretches, in which only sliding counts.
+        misses: measured minus predicted torque of each stretch [N.m or N], (n,).
         late: delay of the torque behind the motion [s].
     """
     means = []
@@ -77,18 +77,17 @@ def slips_too_early(values: Mapping[str, float]) -> bool:
     """Return whether a law's break-away torque is far below its Coulomb friction, in either direction.
 
     Args:
-        values: of the law, by name [SI].
+        values: parameters of the law, by name [SI].
     """
     return any(values[rest] < EARLY * values[slide] for rest, slide in _pairs(values))
 
 
 def possible(values: Mapping[str, float], line: float) -> dict[str, tuple[float, float]]:
-    """Return bounds that make friction fall from rest to sliding: the Coulomb friction of a line lies between break-away and
-    Coulomb friction.
+    """Return bounds that keep break-away torque above, and Coulomb friction below, the Coulomb friction of a straight line.
 
     Args:
-        values: of the law, by name [SI].
-        line: Coulomb friction of a line through all sliding [N.m or N].
+        values: parameters of the law, by name [SI].
+        line: Coulomb friction of a straight line fitted to all sliding [N.m or N].
     """
     bounds = {}
     for rest, slide in _pairs(values):
@@ -97,11 +96,11 @@ def possible(values: Mapping[str, float], line: float) -> dict[str, tuple[float,
 
 
 def is_bounded(bounds: Mapping[str, object]) -> bool:
-    """Return whether the user bounds break-away or Coulomb friction; then the fitted law is kept, and graded."""
+    """Return whether the user bounds break-away or Coulomb friction; then the fitted law is kept and graded."""
     return any(name.removesuffix(BACKWARD) in ("breakaway", "coulomb") for name in bounds)
 
 
 def _pairs(values: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Return the names of break-away and Coulomb friction, of each direction that has numbers of its own."""
+    """Return the names of break-away and Coulomb friction, for each direction that has its own parameters."""
     names = [("breakaway" + way, "coulomb" + way) for way in ("", BACKWARD)]
     return [pair for pair in names if all(name in values for name in pair)]

@@ -1,4 +1,4 @@
-"""Whether a law has parameters for each direction: by option, or if the residuals of the symmetric fit show a gain."""
+"""The choice between a symmetric law and one with parameters for each direction, by option or by the residuals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options
 from backdrive.laws.direction import BACKWARD, law_by_direction
 
-ALIKE = ("_negative", "_positive")  # parameters of laws that have both directions by themselves
+ALIKE = ("_negative", "_positive")  # suffixes of parameters in laws with both directions
 
 
 def name_by_direction(law: str) -> str:
@@ -23,21 +23,21 @@ def name_by_direction(law: str) -> str:
 
 
 def laws_to_try(laws: Sequence[str], symmetric: bool | None) -> list[str]:
-    """Return the names of the laws to try, each by direction where that is asked for."""
+    """Return the names of the laws to try, with parameters for each direction if the user asks for them."""
     return list(dict.fromkeys(map(name_by_direction, laws))) if symmetric is False else list(laws)
 
 
 def terms_beside(shape: LawShape, terms: Sequence[str], options: Options) -> list[str]:
-    """Return the terms fitted beside a law, without the constant torque if Coulomb friction by direction is equivalent to it."""
+    """Return the terms fitted beside a law. A constant torque that Coulomb friction by direction can replace is left out."""
     kept = options.symmetric is not False or shape.tells_offset or "offset" in options.bounds
     return [term for term in terms if kept or term != "offset"]
 
 
 def symmetric_shape(shape: LawShape) -> LawShape:
-    """Return a shape whose directions have the same numbers.
+    """Return a shape with the same parameters in both directions.
 
     Raises:
-        InvalidInput: the law's parameters are not those of one direction and of the other.
+        InvalidInput: the law's parameters are not two sets, one per direction.
     """
     if shape.rate.SYMMETRIC:
         return shape
@@ -54,12 +54,12 @@ def symmetric_shape(shape: LawShape) -> LawShape:
 def gain(one: Fit, velocity: np.ndarray) -> float:
     """Return the relative decrease of the mean square with parameters for each direction, to first order [-].
 
-    A parameter for one direction acts only during motion in that direction. So the derivatives of the symmetric law, split by
-    direction, are those of the parameters by direction.
+    A parameter for one direction acts only during motion in that direction. Its derivatives are therefore those of the
+    symmetric parameter during that motion, and zero otherwise.
 
     Args:
         one: fit of a symmetric law to torque.
-        velocity: of the samples that were fitted [rad/s or m/s], (m,).
+        velocity: of the fitted samples [rad/s or m/s], (m,).
     """
     residual, jacobian = one.found.residual, one.found.jacobian
     names = one.problem.shape.rate.PARAMETERS

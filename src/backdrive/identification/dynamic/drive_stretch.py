@@ -1,4 +1,4 @@
-"""A joint under its drive: the drive of a log, gap-free stretches of motion and input, and how they are cut for a fit."""
+"""A joint with its drive: the drive of a log, gap-free stretches of motion and input, and their division for a fit."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from backdrive.identification.options import Options
 from backdrive.identification.signals import Signals, prepare
 from backdrive.logs.log import Drive, Joint, Log
 
-LOOSE = 2.0  # length of a window where no controller holds the motion [s]
-FEWEST = 9  # windows
+LOOSE = 2.0  # longest window if no controller tracks the motion [s]
+FEWEST = 9  # least number of windows if no controller tracks the motion
 
-#: Law of a log's drive -> quantity of its input, and whether a motor lies between input and torque.
+#: Law of a log's drive -> its controller, and whether a motor lies between input and torque.
 LAWS: dict[str, tuple[Literal["open", "position", "velocity"], bool]] = {
     "torque": ("open", False),
     "position": ("position", False),
@@ -39,14 +39,14 @@ class DriveStretch:
 
     Attributes:
         signals: the motion, with the drive's input in place of a torque.
-        log: the same for a fit of motion, with the gain of its own log.
+        log: the same stretch for a fit of motion, with the proportional gain of its own log.
     """
 
     signals: Signals
     log: MotionLog
 
     def stretch(self, drive: DriveModel) -> Stretch:
-        """Return the stretch with the torque that a drive with these numbers gives along the motion."""
+        """Return the stretch with the torque that a given drive would produce along the motion."""
         own = drive.replace(
             proportional=drive.proportional if self.log.proportional is None else self.log.proportional
         )
@@ -70,8 +70,8 @@ def drive_stretches(log: Log, name: str, template: DriveModel, options: Options)
     Args:
         log: with position and the drive's input, or the reference of a position controller.
         name: of the joint.
-        template: drive of the first log, which others may differ from in the proportional gain.
-        options: for the drive, if a person named it, and the low pass.
+        template: drive of the first log; other logs may have another proportional gain.
+        options: options of the user, here the drive and the low pass.
     """
     own = log.select(name)
     joint = own.joints[0]
@@ -104,10 +104,10 @@ def drive_stretches(log: Log, name: str, template: DriveModel, options: Options)
 
 
 def input_of(log: Log, drive: DriveModel) -> np.ndarray:
-    """Return the input of a log's drive, which for a position controller is the reference where no other is named, (n, J).
+    """Return the input of a log's drive, (n, J). For a position controller without a logged input, it is the reference.
 
     Raises:
-        InvalidInput: there is none.
+        InvalidInput: the log holds no input.
     """
     if log.drive_input is None and log.reference is not None and drive.controller == "position":
         return log.reference
@@ -115,12 +115,12 @@ def input_of(log: Log, drive: DriveModel) -> np.ndarray:
 
 
 def whole(parts: Sequence[DriveStretch], held: bool) -> list[MotionLog]:
-    """Return everything as a fit runs it.
+    """Return all stretches as motion logs, each of which a fit simulates from its first to its last sample.
 
     Args:
         parts: stretches.
-        held: a controller tracks the motion, so that a stretch is simulated from its first to its last sample. Without a
-            controller, force errors accumulate, and every window starts again from the measured motion.
+        held: a controller tracks the motion, so that a whole stretch can be simulated. Without a controller, force errors
+            accumulate, so stretches are cut into windows that start from the measured motion.
     """
     if held:
         return [p.log for p in parts]
@@ -128,7 +128,7 @@ def whole(parts: Sequence[DriveStretch], held: bool) -> list[MotionLog]:
 
 
 def split(parts: Sequence[DriveStretch], held: bool) -> tuple[list[MotionLog], list[MotionLog]]:
-    """Return what is fitted and what is judged on: two of three windows of time, and every third."""
+    """Return the fitted logs and the held-out ones: every third window of time is held out."""
     logs = whole(parts, held)
     if not held:
         return [w for i, w in enumerate(logs) if i % 3 != 1], logs[1::3]
@@ -140,7 +140,7 @@ def split(parts: Sequence[DriveStretch], held: bool) -> tuple[list[MotionLog], l
 
 
 def held_out_masks(parts: Sequence[DriveStretch], held: bool) -> list[np.ndarray]:
-    """Return for every stretch the samples that `split` holds out, (n,) each."""
+    """Return a mask of the samples that `split` holds out, for each stretch, (n,)."""
     if held:
         return windows([len(p.log.position) for p in parts])
     masks, index = [], 0
@@ -159,23 +159,23 @@ def _loose(parts: Sequence[DriveStretch]) -> float:
 
 
 def drive_unknowns(bounds: Mapping[str, object] | None) -> tuple[str, ...]:
-    """Return the numbers of the drive among what is bounded, and so sought."""
+    """Return the parameters of the drive that have bounds and are therefore estimated."""
     return tuple(n[6:] for n in bounds or {} if n.startswith("drive."))
 
 
 def model_of(drive: Drive, sought: tuple[str, ...] = ()) -> DriveModel:
-    """Return the drive of the engine.
+    """Return the engine's model of a log's drive.
 
-    A motor is between the controller and the torque where the input is a voltage or a duty, or where `torque_constant` is
-    among the gains. A duty needs the `supply` voltage too.
+    A motor lies between controller and torque if the input is a voltage or a duty cycle, or if `torque_constant` is among the
+    gains. A duty cycle also needs the `supply` voltage.
 
     Args:
         drive: law and gains by the names of `DriveModel`.
-        sought: names of its numbers that a fit seeks, which need not be given.
+        sought: names of parameters that a fit estimates, so that no value is needed.
 
     Raises:
-        InvalidInput: the motor's numbers are not known.
-        UnknownName: a drive has no such gain.
+        InvalidInput: a parameter of the motor or the proportional gain is missing.
+        UnknownName: a drive has no such gain, or the law is unknown.
     """
     lookup(drive.law, LAWS, "law of a drive")
     controller, motor = LAWS[drive.law]
@@ -202,10 +202,10 @@ def model_of(drive: Drive, sought: tuple[str, ...] = ()) -> DriveModel:
 
 
 def drive_of(log: Log, sought: tuple[str, ...] = ()) -> DriveModel:
-    """Return the drive that a log was recorded with; of its gains those that the engine knows.
+    """Return the drive of a log, with those of its gains that the engine knows.
 
     Raises:
-        InvalidInput: the log does not say.
+        InvalidInput: the log does not name its drive, or lacks a gain.
     """
     if log.drive is None:
         raise InvalidInput(
@@ -217,10 +217,10 @@ def drive_of(log: Log, sought: tuple[str, ...] = ()) -> DriveModel:
 
 
 def with_gains(log: Log, template: DriveModel, sought: tuple[str, ...] = ()) -> DriveModel:
-    """Return a log's own drive, which may differ from the first one's in its proportional gain alone.
+    """Return a log's own drive, which may differ from that of the first log only in its proportional gain.
 
     Raises:
-        InvalidInput: it differs in something else.
+        InvalidInput: it differs in another parameter.
     """
     own = drive_of(log, sought)
     if own.replace(proportional=template.proportional) != template:

@@ -1,4 +1,4 @@
-"""The result of a search: a law's parameters with errors, those at a bound, and those that the motion does not determine."""
+"""The result of a search: a law's parameters with errors, parameters at a bound, and parameters that are not determined."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from backdrive.identification.options import Interval
 from backdrive.laws import Law
 from backdrive.model import Covariance
 
-NEAR = 1e-6  # a search coordinate so near to its bound is at it
+NEAR = 1e-6  # distance from a bound below which a search coordinate counts as at the bound
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """One law fitted to one joint: to its torque given motion, or with axis and drive to its motion given the drive's input.
+    """One law fitted to the torque of one joint given motion, or with axis and drive to its motion given the drive's input.
 
     Attributes:
-        law: the law that was found.
+        law: the fitted law.
         name: of the law.
-        values: every number that was sought, by name [SI].
-        standard_errors: of them [SI]; NaN where there is none.
-        covariance: of those that have one; the logarithms of their ratios to the last stand for shares.
-        at_bound: names of those that ended at a bound of their range.
-        unseen: those that these motions do not show, each with a sentence.
-        rms: of measured less predicted on what was fitted [N.m or N; rad, m, rad/s or m/s where motion was].
-        mean_absolute: of the same.
-        samples: that were fitted.
+        values: all estimated parameters, by name [SI].
+        standard_errors: of the parameters [SI]; NaN if unknown.
+        covariance: of the parameters whose errors are known; shares enter as logarithms of their ratios to the last share.
+        at_bound: names of the parameters that ended at a bound of their range.
+        unseen: parameters that these motions do not determine, each with a sentence.
+        rms: root mean square of the fitted residual [N.m or N; rad, m, rad/s or m/s for a fit of motion].
+        mean_absolute: mean absolute value of the fitted residual [the same unit].
+        samples: number of fitted samples.
         aic: Akaike's information criterion for independent residuals; smaller is better.
-        evaluations: of the whole set of records.
-        converged: the search came to rest.
-        interrupted: a person stopped it.
+        evaluations: number of evaluations of all records.
+        converged: whether the search converged.
+        interrupted: whether a person stopped the search.
         warnings: what makes the result suspect, in sentences.
-        problem: what was fitted, for predictions.
-        found: where the search ended, for profiles and bootstraps.
-        loss: that was minimised.
+        problem: the fitted problem, for predictions.
+        found: the end of the search, for profiles and bootstraps.
+        loss: name of the minimised loss.
     """
 
     law: Law
@@ -68,15 +68,15 @@ class Fit:
 
     @property
     def axis(self) -> Axis:
-        """The axis with the law and the drive that were found; for logs with gains of their own, those are not in it.
+        """The axis with the fitted law and drive; gains that differ from log to log are not included.
 
         Raises:
-            InvalidInput: torque was fitted, which tells no axis with its drive.
+            InvalidInput: torque was fitted, which does not determine an axis with its drive.
         """
         return self.problem.axis_of(self.values)
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Return the 95 % interval of a number; for what is sought in its logarithm it is asymmetric.
+        """Return the 95 % interval of a parameter; it is asymmetric if the search uses the parameter's logarithm.
 
         Raises:
             UnknownName: the fit has no such number.
@@ -86,12 +86,12 @@ class Fit:
     def intervals(
         self, method: Interval = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
     ) -> dict[str, tuple[float, float]]:
-        """Return the 95 % interval of every number; see `dynamic.uncertainty`.
+        """Return the 95 % interval of every parameter; see `dynamic.uncertainty`.
 
         Args:
-            method: `covariance`, `profile` (all others are fitted again along the number) or `bootstrap` (over windows).
+            method: `covariance`, `profile` (all other parameters are refitted) or `bootstrap` (over windows).
             seed: of the bootstrap.
-            tick: called with the name before the profile of each number.
+            tick: called with the name of each parameter before its profile.
 
         Raises:
             UnknownName: no such method.
@@ -102,7 +102,7 @@ class Fit:
     def intervals_until_stop(
         self, method: Interval = "covariance", *, seed: int = 0, tick: Callable[[str], None] | None = None
     ) -> tuple[dict[str, tuple[float, float]], bool]:
-        """Return the same, and whether no interruption left numbers with the interval of the covariance."""
+        """Return the intervals, and False if an interruption left some parameters with the interval of the covariance."""
         ends, done = intervals(
             self.problem,
             self.found,
@@ -120,12 +120,12 @@ class Fit:
 
         Args:
             records: stretches, or motion logs, of the joint; None: those of the fit.
-            friction: alone, without the terms of the dynamics (of torque).
+            friction: return friction alone, without the other terms of the dynamics (fits of torque only).
         """
         return [x[0] for x in self.problem.predict([self.values], records, friction=friction)]
 
     def errors(self, records: Sequence[Any] | None = None) -> list[np.ndarray]:
-        """Return predicted less measured of every record's samples that count, each (m,).
+        """Return predicted minus measured values at the samples that count, for each record, (m,).
 
         Args:
             records: stretches, or motion logs, of the joint; None: those of the fit.
@@ -134,7 +134,7 @@ class Fit:
         return [(x - y)[counts] for x, (y, counts) in zip(self.predict(records), series, strict=True)]
 
     def misses(self, records: Sequence[Any]) -> list[np.ndarray]:
-        """Return measured minus predicted, without the part that no law can explain (see `bracket`), each (n,).
+        """Return measured minus predicted values of each record, without what no law can explain (see `bracket`), (n,).
 
         Args:
             records: stretches, or motion logs, of the joint.
@@ -144,7 +144,7 @@ class Fit:
 
 
 def conclude(problem: Problem, found: SearchResult, loss: str = "huber") -> Fit:
-    """Return what a search's end says: values, errors, what is at a bound and what was not seen."""
+    """Return the fit at the end of a search: values, errors, parameters at a bound and parameters not determined."""
     found = problem.sort_elements(found)
     values = problem.values(found.point)
     low = found.point <= problem.lower + NEAR
@@ -160,7 +160,7 @@ def conclude(problem: Problem, found: SearchResult, loss: str = "huber") -> Fit:
         least, most = problem.yardstick(u)
         size = min(max(1.0 if u.ratio else abs(values[u.name]), least), most)
         if u.name == "delay" and at_bound[i]:
-            relative[i] = 0.0  # the bound says it
+            relative[i] = 0.0  # the warning on the bound suffices
         elif np.isfinite(root[i]) and size > 0.0:
             relative[i] = errors[u.name] / size
     asked = [i for i, name in enumerate(problem.names) if not name.startswith("start.")]

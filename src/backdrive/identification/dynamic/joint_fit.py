@@ -1,6 +1,6 @@
-"""Every law of a shortlist fitted to one joint, judged on windows that none has seen, and the chosen one fitted to everything.
+"""Fit every law of a shortlist to one joint, compare them on held-out windows, and fit the chosen law to all data.
 
-What is fitted is a `Task`: torque given motion (`torque_task`), or motion given the drive's input (`motion_task`).
+A `Task` defines what is fitted: torque given motion (`torque_task`), or motion given the drive's input (`motion_task`).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Joint
 from backdrive.model import JointFriction
 
-EXACT = 1e-5  # share of the measured signal: a law with a smaller held-out error is not refined [-]
+EXACT = 1e-5  # held-out error, relative to the measured signal, below which a law is not refined [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,11 +35,11 @@ class JointFit:
     Attributes:
         friction: for the model.
         evidence: for the report.
-        choice: the laws that were tried.
-        intervals: of every number that was sought in the end [SI].
-        stopped: a person interrupted it; this is the best so far.
-        notes: what was done to the data, in sentences.
-        settings: that the fit chose, for the model's options.
+        choice: the laws tried, and the chosen one.
+        intervals: 95 % interval of each parameter of the last fit [SI].
+        stopped: a person interrupted the fit; this is the best result so far.
+        notes: changes made to the data, in sentences.
+        settings: settings that the fit chose, for the model's options.
     """
 
     friction: JointFriction
@@ -52,20 +52,20 @@ class JointFit:
 
 
 class Task(ABC):
-    """One joint's records, how a law is fitted to them, and what is made of the fit.
+    """One joint's records, the fit of a law to them, and the result of the fit.
 
     Attributes:
         info: the joint.
-        options: what is asked.
-        laws: names of those to try.
-        others: names that may be bounded beside the laws' own.
+        options: options of the user.
+        laws: names of the laws to try.
+        others: names of parameters that may be bounded beside those of the laws.
         shown: records that the laws are fitted to.
-        judges: records that they are judged on.
-        masks: samples of these that count, (n,) each.
-        whole: all records, for the last fit; None where the judges are logs of their own.
-        what: is measured, its unit and its root mean square, for the reason of the choice.
-        remarks: on the data, that come before a fit's warnings.
-        notes: what was done to the data.
+        judges: records that the laws are compared on.
+        masks: samples of `judges` that count, (n,) each.
+        whole: all records, for the last fit; None if separate logs are held out.
+        what: name, unit and root mean square of the measured quantity, for the reason of the choice.
+        remarks: remarks on the data, which precede the warnings of a fit.
+        notes: changes made to the data, in sentences.
     """
 
     info: Joint
@@ -86,40 +86,40 @@ class Task(ABC):
 
     @abstractmethod
     def error(self, one: Fit) -> tuple[float, int]:
-        """Return the mean squared error on what was fitted, and the number of its samples."""
+        """Return the mean squared error on the fitted data, and the number of samples."""
 
     def shows(self, one: Fit) -> bool:
-        """Return whether the records show a law's presliding; where they do not, a law without is preferred."""
+        """Return whether the records determine a law's presliding; otherwise a law without presliding is preferred."""
         return True
 
     def differs(self, one: Fit) -> bool:
-        """Return whether the residuals of a symmetric law justify a fit by direction; False if they cannot show it."""
+        """Return whether the residuals of a symmetric law justify a fit by direction; False if there is no such test."""
         return False
 
     def judges_of(self, one: Fit) -> Sequence[Any]:
-        """Return the records on which a fit is compared with the others of the choice."""
+        """Return the records on which a fit is compared with the other candidates."""
         return self.judges
 
     @abstractmethod
     def explains(self, final: Fit, judged: Fit) -> bool:
-        """Return whether to use the fit to all data; otherwise the fit that was judged is used."""
+        """Return whether to use the fit to all data; otherwise the fit without held-out data is used."""
 
     @abstractmethod
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
-        """Return friction and evidence of the last fit and the one that was judged."""
+        """Return friction and evidence from the final fit and from the fit without held-out data."""
 
     @abstractmethod
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
-        """Return what the fit chose, for the model's options."""
+        """Return the settings that the fit chose, for the model's options."""
 
 
 def fit_joint(task: Task) -> JointFit:
     """Return the fit of one joint.
 
     Raises:
-        InvalidInput: a number is bounded that nothing has.
+        InvalidInput: a bound names a parameter that neither laws nor joint have.
         NotIdentifiable: no law can be fitted or judged.
-        KeyboardInterrupt: a person asked for the end before there was anything to keep.
+        KeyboardInterrupt: a person interrupted the fit before there was a result to keep.
     """
     name, options = task.info.name, task.options
     check_bounds(options.bounds, task.laws, task.others)
@@ -191,15 +191,13 @@ def fit_joint(task: Task) -> JointFit:
 
 
 def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -> Candidate | None:
-    """Return the chosen law with parameters for each direction, fitted and judged like the others; None if the residuals do
-    not justify it.
-    """
+    """Return the chosen law with parameters for each direction, fitted like the others; None if residuals do not justify it."""
     one = choice.candidate().fit
     if one is None or task.options.symmetric is not None or not one.problem.shape.rate.SYMMETRIC:
         return None
     law = directions.name_by_direction(one.name)
     if choice.candidate().held_out <= EXACT * task.what[2]:
-        return None  # what is left is rounding
+        return None  # the residual is rounding error
     if law in [c.name for c in candidates] or not task.differs(one):
         return None
     task.options.say(f"{task.info.name}: fitting {law}")
@@ -211,7 +209,7 @@ def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -
 
 
 def _candidate(task: Task, law: str, begun: float) -> Candidate:
-    """Return one law fitted without what it is judged on, and judged."""
+    """Return one law, fitted without the held-out data and judged on them."""
     one = task.fit(law, task.shown)
     squares = choice_.held_out_errors(one, task.judges_of(one), task.masks)
     square, count = task.error(one)
@@ -233,12 +231,12 @@ def check_bounds(bounds: Mapping[str, Any], laws: Sequence[str], others: Sequenc
     """Refuse a bound on an unknown parameter.
 
     Args:
-        bounds: of what is sought, by name.
-        laws: that are fitted.
-        others: names beyond those of the laws.
+        bounds: of estimated parameters, by name.
+        laws: names of the fitted laws.
+        others: names of parameters beside those of the laws.
 
     Raises:
-        InvalidInput: neither a law nor the joint has such a number.
+        InvalidInput: neither a law nor the joint has such a parameter.
     """
     shapes = [LawShape.from_name(law) for law in laws]
     names = dict.fromkeys(n for s in shapes for n in (*s.rate.PARAMETERS, *s.element.PARAMETERS))
@@ -254,9 +252,9 @@ def interruption(listed: Sequence[str], candidates: Sequence[Candidate], done: b
     """Return a sentence on an interrupted fit.
 
     Args:
-        listed: laws that were to be fitted.
-        candidates: that were.
-        done: the intervals asked for were reached.
+        listed: names of all laws to be fitted.
+        candidates: laws that were fitted.
+        done: whether all requested intervals were computed.
     """
     left = [LawShape.from_name(name).name for name in listed[len(candidates) :]]
     said = "The fit was interrupted; this is its best result so far."

@@ -1,4 +1,4 @@
-"""`fit_law`: a friction law from logs, torque given motion, with honest uncertainty."""
+"""`fit_law`: fit a friction law to torque given motion, with an uncertainty that accounts for correlated residuals."""
 
 from __future__ import annotations
 
@@ -15,13 +15,11 @@ from backdrive.identification.dynamic.search import Search, screen
 from backdrive.identification.dynamic.torque import BESIDE, LONGEST_DELAY, Stretch, TorqueProblem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales
 
-FAR = 3.0  # samples from which on a delay is looked for before the search
-TRIES = 3  # of reversals left out where the delay puts them
-DESCENTS, SHORT, LONGEST_DESCENT = (
-    3,
-    8,
-    40,
-)  # starts that descend, the iterations of each, and those of the best
+FAR = 3.0  # delay above which reversals are shifted before the search [sample]
+TRIES = 3  # largest number of searches, each with reversals shifted by the delay of the last one
+DESCENTS = 3  # number of starting points that are optimised first
+SHORT = 8  # iterations of each of these
+LONGEST_DESCENT = 40  # largest number of iterations from the best of them
 STEPS = (1 + DESCENTS) * SHORT + LONGEST_DESCENT
 
 
@@ -44,24 +42,24 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
     begin_at: Mapping[str, float] | None = None,
     tick: Callable[[str, int, float], None] | None = None,
 ) -> Fit:
-    """Fit one law to stretches of one joint, torque given motion.
+    """Fit one law to the torque of one joint given its motion.
 
     Args:
         law: `rate`, `rate+element`, or a shape with parameters held fixed.
         stretches: of one joint.
         unit: of the joint, `rad` or `m`.
         counts: encoder steps per rad or m, if known.
-        terms: of the rest of the dynamics that are sought too; beside `offset` Coulomb friction is alike in both directions.
-        delay: seek the time by which torque was recorded later than motion.
+        terms: other terms of the dynamics to estimate. With `offset`, Coulomb friction is equal in both directions.
+        delay: estimate the time by which torque was recorded later than motion.
         bounds: of parameters, terms and delay, by name [SI].
-        known: terms of the dynamics that are not sought, by name [SI].
-        scales: sizes that ranges follow from; None: read off the data.
+        known: fixed terms of the dynamics, by name [SI].
+        scales: typical sizes, which determine the ranges; None: from the data.
         loss: `linear`, `huber` or `absolute`.
-        begin: starts that are screened.
-        descend: of them that descend.
-        iterations: of a descent at most.
+        begin: number of starting points that are screened.
+        descend: number of these that are optimised for a few iterations.
+        iterations: largest number of iterations of the last descent.
         seed: of the starts.
-        begin_at: values to begin at besides the guess, by name [SI].
+        begin_at: values of a further starting point, by name [SI].
         tick: called with the law's name, the iteration counted over all descents (up to `STEPS` by default), and the cost.
 
     Raises:

@@ -1,7 +1,7 @@
-"""`fit_motion`: a law, an axis and its drive from motion alone, where no torque was measured.
+"""`fit_motion`: fit a law, an axis and its drive to motion, without measured torque.
 
-A law must explain the motion itself (`motion_problem`). The unknowns are the parameters of the law and any parameters of the
-axis and its drive (`motion_terms`). The search tolerates a cost with steps and folds (`motion_search`).
+The residual is that of the motion (`motion_problem`). The unknowns are parameters of the law, the axis and its drive
+(`motion_terms`). The search tolerates a cost with steps and kinks (`motion_search`).
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from backdrive.identification.dynamic.motion_search import MotionSearch, seek
 from backdrive.identification.dynamic.motion_terms import Range
 from backdrive.identification.dynamic.unknowns import LawShape
 
-FEWEST = 50  # samples
-REFINED = 10  # last iterations of a loss without kinks
+FEWEST = 50  # least number of samples for a fit
+REFINED = 10  # number of last iterations with narrow differences, for a smooth loss
 
 
 @on_one_thread
@@ -45,24 +45,24 @@ def fit_motion(  # noqa: PLR0913  (its options are given by keyword)
     seed: int = 0,
     tick: Callable[[str, int, float], None] | None = None,
 ) -> Fit:
-    """Fit a law, an axis and its drive to motions, from the drive's input alone.
+    """Fit a law, an axis and its drive to motions, given the drive's input.
 
     Args:
-        logs: motions of one axis, or a problem made of them; then the next arguments are the problem's.
+        logs: motions of one axis; or a problem, whose own law, axis, ranges, signal, substeps and unit are then used.
         law: `rate`, `rate+element`, or a shape with parameters held fixed.
-        axis: everything that is not sought; its law is not used.
-        free: ranges of what is sought, by name [SI].
+        axis: the axis with its known parameters; its law is not used.
+        free: ranges of the estimated parameters, by name [SI].
         loss: `absolute` for the least mean absolute error, `linear` for the least root mean square.
-        signal: what is compared.
-        substeps: integration steps a sample.
+        signal: the compared signal.
+        substeps: number of integration steps per sample.
         unit: of the axis, `rad` or `m`.
-        begin: starts that are screened; 1: only `begin_at`.
-        descend: of them that descend a little.
-        finish: of those that descend to the end.
-        iterations: of a descent at most.
-        polish: generations of differential evolution around the best.
-        begin_at: values to begin at, by name [SI].
-        seed: of everything that is drawn.
+        begin: number of starting points that are screened; 1: only `begin_at`.
+        descend: number of these that are optimised for a few iterations.
+        finish: number of these that are optimised further.
+        iterations: largest number of iterations of a descent.
+        polish: generations of differential evolution around the best point.
+        begin_at: values of the first starting point, by name [SI].
+        seed: of all random numbers.
         tick: called with the stage, the iteration and the error: mean absolute for `absolute`, root mean square otherwise.
 
     Raises:

@@ -1,4 +1,4 @@
-"""One recorded motion of one axis and what drove it: what a fit through forward dynamics starts from."""
+"""One recorded motion of one axis with the drive's input: the data of a fit through forward dynamics."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from backdrive.errors import InvalidInput
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotionLog:
-    """One recorded motion of one axis and what drove it.
+    """One recorded motion of one axis with the drive's input.
 
     Attributes:
         position: measured [rad or m], (n,).
-        drive_input: of the drive: torque, position, velocity, voltage or duty [SI], (n,).
+        drive_input: input of the drive: torque, position, velocity, voltage or duty cycle [SI], (n,).
         dt: sampling time [s].
         velocity: measured [rad/s or m/s], (n,); None: only the position is known.
-        start: velocity with which the motion starts [rad/s or m/s]; None: from the first samples.
-        proportional: the drive's own K_p in this log [output/rad or output/m]; None: the axis' own.
-        supply: voltage where it was measured [V], (n,).
+        start: initial velocity [rad/s or m/s]; None: from the first samples.
+        proportional: the drive's K_p in this log [output/rad or output/m]; None: that of the axis.
+        supply: measured supply voltage [V], (n,); None: not measured.
         enabled: 0 where the drive was off, (n,).
         temperature: [degC], (n,).
-        shapes: courses of time by name, (n,) each, that are added to the drive's input in sizes that are sought, such as the
-            drift of an amplifier; `shape.<name>` is the size.
+        shapes: functions of time by name, (n,) each, which are added to the drive's input with estimated factors, such as the
+            drift of an amplifier; `shape.<name>` is the factor.
         judged: samples that count, (n,); None: all.
         name: for messages and tables.
     """
@@ -66,7 +66,7 @@ class MotionLog:
 
     @property
     def launch(self) -> float:
-        """Velocity with which the motion starts [rad/s or m/s]."""
+        """Initial velocity [rad/s or m/s]."""
         if self.start is not None:
             return self.start
         if self.velocity is not None:
@@ -80,11 +80,11 @@ class MotionLog:
         return np.ones(len(self.position), dtype=bool) if self.judged is None else self.judged
 
     def windows(self, length: float, velocity: np.ndarray | None = None) -> list[MotionLog]:
-        """Return the motion in pieces of a length, each from its own measured start.
+        """Return the motion in pieces of equal length, each from its own measured initial state.
 
         Args:
             length: of a piece [s].
-            velocity: from which the pieces take their starts [rad/s or m/s], (n,); None: the measured one.
+            velocity: source of the initial velocities [rad/s or m/s], (n,); None: the measured velocity.
         """
         n, size = len(self.position), max(2, round(length / self.dt))
         speed = self.velocity if velocity is None else velocity

@@ -1,7 +1,7 @@
-"""Motion given the drive's input: the residuals of a law, an axis and its drive through forward dynamics.
+"""Motion given the drive's input: the residuals of a law, an axis and its drive by forward dynamics.
 
-The joint with its drive is simulated from the measured start of every log under the recorded input. The result is compared
-with the measured motion. A batch of candidates on all logs is one call of the engine.
+The joint with its drive is simulated under the recorded input, from the measured initial state of every log. The result is
+compared with the measured motion. One call of the engine simulates all logs for a batch of parameter sets.
 """
 
 from __future__ import annotations
@@ -22,26 +22,31 @@ from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
 from backdrive.laws import REFERENCE, kernels
 
-FLEXIBLE = ("offset", "gravity_sin", "gravity_cos", "drive.delay")  # may be 0: judged by their range
+FLEXIBLE = (
+    "offset",
+    "gravity_sin",
+    "gravity_cos",
+    "drive.delay",
+)  # may be 0; their errors are compared with the range
 
 
 class MotionProblem(Problem):
     """Residuals of measured motion by forward dynamics, for batches of candidates.
 
     Args:
-        shape: the law that is sought.
+        shape: shape of the law to fit.
         logs: of one axis.
-        axis: everything that is not sought; its law is not used.
-        free: ranges of what is sought, by name (`motion_terms`); what of the law is not named is sought in ranges that
-            follow from the data.
-        signal: what is compared.
-        substeps: integration steps a sample.
-        scales: sizes that ranges follow from; None: read off the data.
+        axis: the axis with its known parameters; its law is not used.
+        free: ranges of the estimated parameters, by name (`motion_terms`). For parameters of the law without a range, it
+            follows from the data.
+        signal: the compared signal.
+        substeps: number of integration steps per sample.
+        scales: typical sizes, which determine the ranges; None: from the data.
         unit: of the axis, `rad` or `m`.
-        workers: threads; None: one a core.
+        workers: number of threads; None: one per core.
 
     Raises:
-        InvalidInput: no logs, velocity asked for and not recorded, or ranges that are none.
+        InvalidInput: no logs, a velocity that was not recorded, or invalid ranges.
         NotIdentifiable: the axis never moves.
     """
 
@@ -87,7 +92,7 @@ class MotionProblem(Problem):
         self._groups = self._group_logs()
 
     def on(self, logs: Sequence[MotionLog]) -> MotionProblem:
-        """Return the same problem on other logs."""
+        """Return the same problem for other logs."""
         return MotionProblem(
             self.shape,
             logs,
@@ -101,7 +106,7 @@ class MotionProblem(Problem):
         )
 
     def _setter(self, u: Unknown) -> tuple[str, int, int, str]:
-        """Where a number goes: kind, column, log and name."""
+        """Return where an unknown enters the simulation: kind, column, log and name."""
         plain, _, place = u.name.partition("[")
         if plain.startswith("start."):
             return "start", 0 if plain == "start.position" else 1, int(place[:-1]), ""
@@ -114,7 +119,7 @@ class MotionProblem(Problem):
         return "axis", column(self.axis, plain, u.lower, u.upper), 0, ""
 
     def _group_logs(self):
-        """Logs of one sampling time side by side, shorter ones held at their ends."""
+        """Return groups of logs with equal sampling time; shorter logs are extended by their last values."""
         groups = []
         for dt in sorted({log.dt for log in self.logs}):
             which = [k for k, log in enumerate(self.logs) if log.dt == dt]
@@ -145,18 +150,18 @@ class MotionProblem(Problem):
         return groups
 
     def series(self, records: Sequence[MotionLog] | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return measured motion [rad, m, rad/s or m/s] and which samples count, (n,) each."""
+        """Return the measured motion [rad, m, rad/s or m/s] and the samples that count, (n,) each."""
         return [
             (getattr(log, self.signal), log.counts) for log in (self.logs if records is None else records)
         ]
 
     def yardstick(self, unknown: Unknown) -> tuple[float, float]:
-        """Return the least and the largest size that the error of a number is compared with [SI]."""
+        """Return the smallest and the largest value that the error of an unknown is compared with [SI]."""
         loose = unknown.name in FLEXIBLE or unknown.name.startswith("start.")
         return 0.1 * (unknown.upper - unknown.lower) if loose else 0.0, np.inf
 
     def axis_of(self, values: Mapping[str, float]) -> Axis:
-        """Return the axis with its law and drive of these values."""
+        """Return the axis with law and drive for given parameter values."""
         names = self.names[self.terms.of_law :]
         own = {n: values[n] for n in names if not n.startswith(("drive.", "start.", "shape."))}
         of_drive = {n[6:]: values[n] for n in names if n.startswith("drive.")}
@@ -177,7 +182,7 @@ class MotionProblem(Problem):
     ) -> list[np.ndarray]:
         """Return the motion that parameter sets predict for every log [rad, m, rad/s or m/s], each (B, n).
 
-        Other logs than those of the fit start from where they were measured.
+        Logs that were not fitted start from their measured initial states.
         """
         if records is not None:
             other = self.on(records)
@@ -236,13 +241,13 @@ class MotionProblem(Problem):
         S[:, 1] = S[:, 3] = at[:, 1]
         S[:, 4] = J[:, 4] * np.sin(at[:, 0]) + J[:, 5] * np.cos(at[:, 0]) + J[:, 9]
         yields = J[:, 6] == 0.0
-        S[yields, 2] -= S[yields, 4] / J[yields, 2]  # the transmission bears gravity
+        S[yields, 2] -= S[yields, 4] / J[yields, 2]  # initial deflection: the transmission carries gravity
         rates, elements = np.full(B * M, law.rate.KIND), np.full(B * M, law.element.KIND)
         P, X = np.repeat(P, M, axis=0), np.zeros((B * M, states))
         C, out = np.zeros((B * M, drives.STATES)), np.empty((B * M, n, 3))
         which, r = np.tile(np.arange(M), B), group["input"]
         supply, enabled, temp = group["supply"], group["enabled"], group["temperature"]
-        if sizes:  # every lane has an input of its own
+        if sizes:  # every lane has its own input
             r = np.tile(r, (B, 1))
             for name, size in sizes.items():
                 r += (size[:, None, None] * self._course(name, group)).reshape(B * M, n)
@@ -284,7 +289,7 @@ class MotionProblem(Problem):
 
 
 def scales_of(logs: Sequence[MotionLog], axis: Axis, unit: str) -> Scales:
-    """Return sizes from the motion and from what the drive can do; friction is taken as a tenth of that.
+    """Return typical sizes from the motion and the drive. Friction is taken as a tenth of the drive's largest torque.
 
     Args:
         logs: of one axis.

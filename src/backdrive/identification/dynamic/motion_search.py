@@ -1,8 +1,9 @@
-"""The search of a fit through forward dynamics. Its cost has steps and folds, since a joint may stick in one trial and slide
+"""The search of a fit by forward dynamics. Its cost has steps and kinks, since a joint may stick in one trial and slide
 in the next.
 
-So the forward differences begin wide and become narrower. Every damped step is tried at several lengths and accepted by the
-loss alone. Many starts are screened before a few descend. All trials of all starts are one batch.
+Forward differences are therefore wide at first and narrow at the end. Damped steps of several lengths are tried, and the
+one with the lowest loss is accepted. Many starting points are screened before a few are optimised. All trials of all
+starting points form one batch.
 """
 
 from __future__ import annotations
@@ -15,25 +16,25 @@ import numpy as np
 from backdrive.identification.dynamic import stopping
 from backdrive.identification.dynamic.search import CHUNK, Search, SearchResult, screen
 
-WIDE, NARROW = 1.6e-2, 1.5e-3  # forward differences at first and at last, in search coordinates
-FINE = 1e-5  # of the last steps, where the cost is smooth
-FACTORS = np.array([0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # on the damping of the step before
-LENGTHS = (1.0, 0.4)  # of a damped step that are tried
-FARTHEST = 2.0  # that one step goes, in search coordinates
-GAIN = 2e-4  # relative fall of the loss below which the differences narrow
+WIDE, NARROW = 1.6e-2, 1.5e-3  # first and last width of the forward differences [search coordinate]
+FINE = 1e-5  # width of the forward differences in the refinement of a smooth cost [search coordinate]
+FACTORS = np.array([0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # tried dampings, relative to the last one
+LENGTHS = (1.0, 0.4)  # tried lengths of a damped step, relative to the full step [-]
+FARTHEST = 2.0  # longest step [search coordinate]
+GAIN = 2e-4  # relative decrease of the loss below which the differences become narrower [-]
 
 
 @dataclass
 class Descent:
-    """One start on its way.
+    """The state of a descent from one starting point.
 
     Attributes:
-        point: (P,).
-        residual: (m,).
+        point: search coordinates, (P,).
+        residual: at the point, (m,).
         cost: loss at the point.
-        damping: of the last good step.
-        wide: of the forward differences.
-        done: it has come to rest.
+        damping: of the last accepted step.
+        wide: width of the forward differences [search coordinate].
+        done: whether the descent has converged.
     """
 
     point: np.ndarray
@@ -45,10 +46,10 @@ class Descent:
 
 
 class MotionSearch(Search):
-    """Least squares or least absolute deviations through forward dynamics."""
+    """Least squares or least absolute deviations by forward dynamics."""
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
-        """Return the residuals of a batch, (B, m), in pieces that fit the memory."""
+        """Return the residuals of a batch, (B, m), computed in pieces of limited size."""
         first = super().evaluate(points[:1])
         piece = max(1, CHUNK // max(first.shape[1], 1))
         rest = [
@@ -57,7 +58,7 @@ class MotionSearch(Search):
         return np.concatenate([first, *rest])
 
     def begin(self, points: np.ndarray) -> list[Descent]:
-        """Return starts ready to descend."""
+        """Return the initial states of descents from given points."""
         points = np.clip(np.atleast_2d(points), self.lower, self.upper)
         residuals = self.evaluate(points)
         return [Descent(p, r, self.cost(r, self.scale(r))) for p, r in zip(points, residuals, strict=True)]
@@ -65,11 +66,11 @@ class MotionSearch(Search):
     def descend(
         self, ways: list[Descent], iterations: int, tick: Callable[[int, float], None] | None = None
     ) -> list[Descent]:
-        """Advance every start side by side; an interruption leaves each where it had come to.
+        """Advance all descents in parallel. After an interruption, each holds its best point so far.
 
         Args:
-            ways: starts, advanced in place.
-            iterations: at most.
+            ways: descents, advanced in place.
+            iterations: largest number of iterations.
             tick: called with the iteration and the least loss.
         """
         for i in range(1, iterations + 1):
@@ -106,7 +107,7 @@ class MotionSearch(Search):
             way.wide = min(way.wide, max(0.5 * way.wide, NARROW))
 
     def slopes(self, ways: list[Descent]) -> list[np.ndarray]:
-        """Return the Jacobians of the residuals, (m, P) each, in one batch."""
+        """Return the Jacobian of the residuals for each descent, (m, P), computed in one batch."""
         steps = [np.where(w.point + w.wide > self.upper, -w.wide, w.wide) for w in ways]
         moved = self.evaluate(
             np.concatenate([w.point + np.diag(s) for w, s in zip(ways, steps, strict=True)])
@@ -118,7 +119,7 @@ class MotionSearch(Search):
         ]
 
     def result_of(self, ways: list[Descent], interrupted: bool) -> SearchResult:
-        """Return the best of the ends."""
+        """Return the best end of the descents."""
         costs = [w.cost for w in ways]
         k = int(np.argmin(costs))
         best = Descent(ways[k].point, ways[k].residual, costs[k], wide=NARROW)
@@ -134,7 +135,7 @@ class MotionSearch(Search):
         )
 
 
-def seek(  # noqa: PLR0913  (what one door hands to the other)
+def seek(  # noqa: PLR0913  (arguments of `fit_motion`, passed on)
     search: MotionSearch,
     start: np.ndarray,
     boxes: tuple[np.ndarray, np.ndarray],
@@ -149,20 +150,20 @@ def seek(  # noqa: PLR0913  (what one door hands to the other)
     seed: int = 0,
     tick: Callable[[str, int, float], None] | None = None,
 ) -> SearchResult:
-    """Screen starts, let a few descend a little, the best of them to the end, and return the best end.
+    """Screen starting points, optimise a few for some iterations and the best of them further; return the best end.
 
     Args:
-        search: what is minimised.
-        start: a point to begin with, (P,).
-        boxes: lower and upper ends of where starts are drawn, (P,) each.
-        begin: starts that are screened; fewer than two: `start` alone descends.
-        descend: of them that descend a little.
-        finish: of those that descend to the end.
-        short: iterations of the little.
-        iterations: of the rest, at most.
-        polish: generations of differential evolution around the best, followed by a last descent.
-        refine: iterations at the very end with differences so narrow that a smooth cost is followed to its bottom.
-        seed: of the starts and of the evolution.
+        search: residuals and loss to minimise.
+        start: first starting point, (P,).
+        boxes: lower and upper bounds within which starting points are drawn, (P,) each.
+        begin: number of drawn starting points; below two, only `start` is optimised.
+        descend: number of screened points that are optimised for a few iterations.
+        finish: number of these that are optimised further.
+        short: number of iterations of the first descents.
+        iterations: largest number of iterations of the further descents.
+        polish: generations of differential evolution around the best point, followed by another descent.
+        refine: largest number of last iterations, with differences narrow enough for a smooth cost.
+        seed: of the starting points and of the evolution.
         tick: called with the stage, the iteration and the least loss.
     """
     inform = (lambda stage: None) if tick is None else (lambda stage: lambda i, c: tick(stage, i, c))
@@ -194,7 +195,7 @@ def seek(  # noqa: PLR0913  (what one door hands to the other)
 
 
 def evolve(search, best, boxes, generations, seed, tick, *, population=24, spread=0.05) -> Descent:
-    """Return what differential evolution finds around a point."""
+    """Return the best point of differential evolution around a given one."""
     from scipy.optimize import differential_evolution
 
     rng = np.random.default_rng(seed)

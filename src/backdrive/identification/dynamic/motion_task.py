@@ -1,8 +1,8 @@
-"""Motion given the drive's input: one joint with its drive in the loop, prepared for the fit of a shortlist.
+"""Motion given the drive's input: one joint with its drive in the loop, prepared for the fit of several laws.
 
-No torque is needed. The drive's torque along the measured motion follows from its gains; a fit to that torque (`law_fit`)
-gives the starting values. The final fit compares motions (`motion`): the joint is simulated from the measured start of every
-window under the recorded input. Every third window is held out.
+No measured torque is needed. The drive's torque along the measured motion follows from its gains; a fit to that torque
+(`law_fit`) gives the starting values. The final fit compares motions (`motion`): the joint is simulated under the recorded
+input, from the measured initial state of every window. Every third window is held out.
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ from backdrive.logs.log import Drive, Log
 from backdrive.model import Actuator, Estimate, JointFriction
 
 STEP = 1e-3  # longest integration step [s]
-QUICK = 0.08  # of the fastest time constant of the drive with the inertia, that a step may be [-]
-FINEST = 20  # steps a sample, at most, unless a person asks for more
-STARTS = 12  # most stretches whose initial velocity is fitted too, since the low pass estimates it poorly
-LATEST = 0.03  # longest delay that is sought [s]
-PLAIN = "coulomb-viscous"  # fitted to the drive's torque for starts of laws that need the load
+QUICK = 0.08  # longest integration step, relative to the fastest time constant of drive and inertia [-]
+FINEST = 20  # largest number of steps per sample, unless `STEP` or the user requires more
+STARTS = 12  # largest number of stretches with fitted initial velocities, which the low pass estimates poorly
+LATEST = 0.03  # longest delay of the search [s]
+PLAIN = "coulomb-viscous"  # law of the fit for starting values, if the law itself needs load or temperature
 
 
 class MotionTask(Task):
     """One joint's motion given the input of its drive.
 
     Args:
-        logs: with the drive's input, to fit.
-        held_out: the same, to judge on; none: every third window of the fitted ones.
+        logs: logs to fit, with the drive's input.
+        held_out: logs to judge on; without any, every third window of the fitted logs.
         name: of the joint.
-        options: everything else.
+        options: options of the user.
 
     Raises:
         InvalidInput: the drive is not known, or the logs do not fit together.
@@ -109,7 +109,7 @@ class MotionTask(Task):
         self.what = ("motion", info.unit, float(np.sqrt(np.mean(position**2))))
 
     def substeps(self, inertia: float) -> int:
-        """Return the integration steps a sample: short against the time in which the drive settles the inertia."""
+        """Return the number of integration steps per sample, from the fastest time constant of drive and inertia."""
         dt, drive = self.fitted[0].log.dt, self.drive
         if self.options.step is not None:
             return max(1, int(np.ceil(dt / self.options.step - 1e-6)))
@@ -123,7 +123,7 @@ class MotionTask(Task):
         return min(max(1, int(np.ceil(dt / step - 1e-6))), max(FINEST, int(np.ceil(dt / STEP))))
 
     def fit(self, law: str, records: Sequence[MotionLog], begin_at: Mapping[str, float] | None = None) -> Fit:
-        """Return the fit of one law to motion logs, begun at a fit to the drive's torque or at values by name [SI]."""
+        """Return the fit of one law to motion logs, starting from a fit to the drive's torque or from given values [SI]."""
         shape = LawShape.from_name(law)
         shape = directions.symmetric_shape(shape) if self.options.symmetric else shape
         terms = directions.terms_beside(shape, self.terms, self.options)
@@ -152,13 +152,11 @@ class MotionTask(Task):
         )
 
     def error(self, one: Fit) -> tuple[float, int]:
-        """Return the mean squared error of the motion that was fitted, and the number of its samples."""
+        """Return the mean squared error of the fitted motion, and the number of samples."""
         return float(np.mean(one.found.residual**2)), one.samples
 
     def explains(self, final: Fit, judged: Fit) -> bool:
-        """Return whether to use the fit to all data: always, unless it was interrupted with a larger error than the judged
-        fit.
-        """
+        """Return whether to use the fit to all data; False if it was interrupted at a larger error than the judged fit."""
         return not (final.interrupted and final.rms > judged.rms)
 
     def _start(self, shape: LawShape, terms: Sequence[str]) -> dict[str, float]:
@@ -169,7 +167,8 @@ class MotionTask(Task):
             unit=self.info.unit,
             counts=self.info.encoder_counts,
             terms=terms,
-            delay=self.options.delay and not self.held,  # a controller's input alone is late
+            delay=self.options.delay
+            and not self.held,  # under a controller, the input is late but not the whole torque
             bounds=None if shape.rate.NEEDS else law_bounds,
             scales=self.scales,
             begin=24,
@@ -183,7 +182,7 @@ class MotionTask(Task):
         return start
 
     def _free(self, shape: LawShape, terms: Sequence[str], start: dict[str, float]) -> dict[str, Any]:
-        """Return the ranges of everything that is sought; those asked for come before ours."""
+        """Return the ranges of all estimated parameters; ranges of the user replace the default ones."""
         force = max(float(np.abs(s.torque).max()) for s in self.stretches)
         free: dict[str, Any] = {}
         for term in terms:
@@ -208,7 +207,7 @@ class MotionTask(Task):
         return free
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
-        """Return friction and evidence in torque, as the drive must have given it."""
+        """Return friction and evidence in terms of the torque that the drive must have produced."""
         stretches = [d.stretch(final.axis.drive) for d in self.fitted]
         tests = [d.stretch(final.axis.drive) for d in self.unseen]
         masks = [np.ones(len(s.torque), dtype=bool) for s in tests] or held_out_masks(self.fitted, self.held)
@@ -225,7 +224,7 @@ class MotionTask(Task):
         return replace(friction, actuator=actuator_of(final.axis)), shown
 
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
-        """Return the drive, the integration step and the error of the motion, by which the model can be run again."""
+        """Return drive, integration step and error of the motion, with which the simulation can be repeated."""
         assert isinstance(final.problem, MotionProblem)
         return {
             "drive": describe_drive(final.axis.drive),
@@ -234,7 +233,7 @@ class MotionTask(Task):
         }
 
     def _in_torque(self, one: Fit, stretches: Sequence[Stretch]) -> Fit:
-        """Return a fit of motion as one of the torque that its drive must have given."""
+        """Return a fit of motion as a fit of the torque that the drive must have produced."""
         values, shape = {**self.options.known, **one.values}, one.problem.shape
         terms = [t for t in RIGID if t in values and t not in numbers_of(shape)]
         problem = TorqueProblem(shape, stretches, self.scales, terms=terms)
@@ -253,7 +252,7 @@ class MotionTask(Task):
         )
 
     def _estimates(self, final: Fit) -> dict[str, Estimate]:
-        """Return the numbers of the drive and the axis, given ones before sought ones, so that the model can be run again."""
+        """Return the parameters of drive and axis, known and estimated, with which the simulation can be repeated."""
         numbers = {*numbers_of(final.problem.shape), *RIGID}
         given = {
             f"drive.{n}": (v, np.nan)
@@ -269,9 +268,9 @@ class MotionTask(Task):
 
 
 def actuator_of(axis: Axis) -> Actuator:
-    """Return what an axis with its drive says of the actuator: an open drive's gain, limits of torque, a motor's own inertia."""
+    """Return the actuator of an axis with its drive: gain of an open-loop drive, torque limit and motor inertia."""
     drive = axis.drive
-    force = 1.0  # torque at rest by the controller's output
+    force = 1.0  # stall torque per unit of the controller's output
     if drive.actuator == "motor":
         force = drive.supply * drive.torque_constant / drive.resistance
     limit = force * drive.limit
@@ -295,5 +294,5 @@ def _middle(given: Any) -> float:
 def _torque_signals(
     parts: Sequence[DriveStretch], stretches: Sequence[Stretch]
 ) -> list[tuple[Signals, Stretch]]:
-    """Return the signals with the torque of the drive in place of its input, each beside its stretch."""
+    """Return pairs of signals and stretch; the signals hold the drive's torque in place of its input."""
     return [(replace(d.signals, torque=s.torque), s) for d, s in zip(parts, stretches, strict=True)]

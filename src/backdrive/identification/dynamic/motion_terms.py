@@ -1,10 +1,10 @@
-"""The unknowns of a fit through forward dynamics: parameters of the law, the axis and its drive, by name.
+"""The unknowns of a fit by forward dynamics: parameters of the law, the axis and its drive, by name.
 
 `inertia`, `gravity_sin`, ... are fields of `engine.Axis`, and `drive.resistance`, ... are those of `engine.DriveModel`.
 `drive.proportional_factor` multiplies the drive's own gain in every log. `start.position[k]` and `start.velocity[k]` are added
 to the initial state of log k. `shape.<name>` is the size of a function of time that is added to the drive's input. A range is
-(lower, upper), (lower, upper, start), or (lower, upper, (from, to)) where starts are drawn between the last two. What lies
-above zero and spans a factor of ten or more is sought in its logarithm.
+(lower, upper), (lower, upper, start), or (lower, upper, (from, to)), where starts are drawn between the last two. A positive
+range that spans a factor of ten or more is searched in the logarithm.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from backdrive.identification.terms import unit_of
 from backdrive.laws.direction import plain as without_direction
 
 Range = Sequence[Any]
-FACTOR = 3.0  # about a start, within which starts are drawn, of what is sought in its logarithm
-SHARE = 0.25  # of the range, for the rest
-STEPS = 10.0  # search coordinates of the range, for the rest
+FACTOR = 3.0  # in a logarithmic range, starts are drawn within this factor of the given start [-]
+SHARE = 0.25  # in a linear range, starts are drawn within this share of the range about the given start [-]
+STEPS = 10.0  # length of a linear range [search coordinate]
 
 OF_AXIS = [f.name for f in fields(Axis) if f.name not in ("law", "drive", "friction_side")]
 OF_DRIVE = [f"drive.{f.name}" for f in fields(DriveModel) if f.name not in ("controller", "actuator", "hold")]
@@ -34,14 +34,14 @@ NAMES = (*OF_AXIS, *OF_DRIVE, "drive.proportional_factor", "start.position", "st
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Terms:
-    """Everything that is sought, in the order of the search coordinates.
+    """All unknowns, in the order of the search coordinates.
 
     Attributes:
-        unknowns: their ranges.
-        of_law: those of the law come first, so many.
-        start: search coordinates of the starts, (P,).
-        lower: of where starts are drawn, in search coordinates, (P,).
-        upper: of the same, (P,).
+        unknowns: the unknowns with their ranges.
+        of_law: number of unknowns of the law, which come first.
+        start: first starting point [search coordinate], (P,).
+        lower: lower bound of drawn starting points [search coordinate], (P,).
+        upper: upper bound of drawn starting points [search coordinate], (P,).
     """
 
     unknowns: tuple[Unknown, ...]
@@ -52,15 +52,15 @@ class Terms:
 
 
 def range_of(name: str, given: Range, unit: str) -> tuple[Unknown, tuple[float, float, float]]:
-    """Return an unknown and its start with the ends of where starts are drawn.
+    """Return an unknown, and its start with the bounds of drawn starts [search coordinate].
 
     Args:
-        name: of the number.
-        given: the range, as the module says.
-        unit: of the number.
+        name: of the unknown.
+        given: the range, in a form that the module's docstring lists.
+        unit: of the unknown.
 
     Raises:
-        InvalidInput: it is no range.
+        InvalidInput: the range is invalid.
     """
     remedy = "Give (lower, upper), (lower, upper, start) or (lower, upper, (from, to)), in SI units."
     try:
@@ -96,18 +96,18 @@ def range_of(name: str, given: Range, unit: str) -> tuple[Unknown, tuple[float, 
 def assemble(
     shape: LawShape, scales: Scales, free: Mapping[str, Range], logs: int, courses: Sequence[str] = ()
 ) -> Terms:
-    """Return what is sought.
+    """Return all unknowns.
 
     Args:
-        shape: the law.
-        scales: from which ranges of the law's numbers follow that are not given.
-        free: ranges by name: of the law's numbers, and of what else is sought.
+        shape: shape of the law.
+        scales: typical sizes, which determine ranges of the law's parameters that are not given.
+        free: ranges of the law's parameters and of all other unknowns, by name.
         logs: number of logs.
-        courses: names of what may be added to the drive's input.
+        courses: names of the functions of time that may be added to the drive's input.
 
     Raises:
         UnknownName: `free` names something that neither law nor axis has.
-        InvalidInput: a range is none.
+        InvalidInput: a range is invalid, or a parameter is both fixed and estimated.
     """
     unknowns, boxes, used = [], [], set()
     for u in shape.unknowns(scales):
@@ -148,7 +148,7 @@ def assemble(
 
 
 def _size(shape: LawShape, u: Unknown, scales: Scales) -> float:
-    """Return a start for a law's number without a range: its typical size in these data."""
+    """Return the start of a law's parameter without a given range: its typical size in these data."""
     parameter = {**shape.rate.PARAMETERS, **shape.element.PARAMETERS}[u.name.partition("[")[0]]
     typical = {"exponent": 1.0, "stribeck_velocity": 0.05 * scales.speed, "shift": 0.0}
     typical |= {"breakaway": 1.3 * scales.force, "stribeck": 0.3 * scales.force}
@@ -160,13 +160,13 @@ def _size(shape: LawShape, u: Unknown, scales: Scales) -> float:
 
 
 def column(template: Axis | DriveModel, name: str, low: float, high: float) -> int:
-    """Return where a field stands in the row that the kernels read.
+    """Return the index of a field in the row that the kernels read.
 
     Args:
         template: axis or drive.
         name: of the field.
-        low: a value of it.
-        high: another one.
+        low: a value of the field.
+        high: another value of the field.
     """
     rows = [template.replace(**{name: value}).row() for value in (low, high)]
     return int(np.flatnonzero(rows[0] != rows[1])[0])

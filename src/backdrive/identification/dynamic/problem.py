@@ -1,4 +1,4 @@
-"""The interface between a fit and its search: names, bounds, residuals of many points at once, and scales of the errors.
+"""The interface between a fit and its search: names, bounds, residuals for batches of points, and scales of the errors.
 
 There are two problems: torque given motion (`torque`), and motion given the drive's input (`motion_problem`). Each defines
 the unknowns, the measurement and its prediction. This base class converts between search points and parameters, and computes
@@ -23,15 +23,15 @@ class Problem(ABC):
     """Residuals of a law on records of one joint, for batches of parameter sets.
 
     Args:
-        shape: the law that is sought.
-        unknowns: everything that is sought, in the order of the search coordinates.
-        start: where what has no value starts, (P,); None: in the middle of its range.
+        shape: shape of the law to fit.
+        unknowns: all estimated parameters, in the order of the search coordinates.
+        start: starting point of parameters without a value, (P,); None: the middle of each range.
 
     Attributes:
         names: of the unknowns.
-        lower: bounds in search coordinates, (P,).
-        upper: the same, (P,).
-        STEP: of the forward differences of a profile, in search coordinates.
+        lower: lower bounds [search coordinate], (P,).
+        upper: upper bounds [search coordinate], (P,).
+        STEP: step of the forward differences of a profile [search coordinate].
     """
 
     STEP: ClassVar[float] = 1e-5
@@ -45,7 +45,7 @@ class Problem(ABC):
 
     @abstractmethod
     def series(self, records: Sequence[Any] | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return what was measured and which samples count, (n,) each; of other records, or of those that are fitted."""
+        """Return the measured signal and the samples that count, (n,) each, for other records or for the fitted ones."""
 
     @abstractmethod
     def predict(
@@ -55,17 +55,17 @@ class Problem(ABC):
         *,
         friction: bool = False,
     ) -> list[np.ndarray]:
-        """Return what parameter sets predict for every record, each (B, n).
+        """Return the prediction of parameter sets for every record, each (B, n).
 
         Args:
-            values: numbers by name, one mapping a parameter set.
-            records: other records of the joint; None: those that are fitted.
-            friction: alone, without the terms of the dynamics (of torque).
+            values: parameters by name, one mapping per parameter set.
+            records: other records of the joint; None: the fitted ones.
+            friction: return friction alone, without the other terms of the dynamics (fits of torque only).
         """
 
     @property
     def edges(self) -> list[int]:
-        """Where records end within the residuals."""
+        """Index in the residuals at which each record ends."""
         return np.cumsum([int(counts.sum()) for _, counts in self.series()]).tolist()
 
     @property
@@ -74,11 +74,11 @@ class Problem(ABC):
         return self.edges[-1]
 
     def values(self, point: np.ndarray) -> dict[str, float]:
-        """Return the numbers of a search point by name."""
+        """Return the parameters of a search point, by name."""
         return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point, strict=True)}
 
     def point(self, values: Mapping[str, float]) -> np.ndarray:
-        """Return the search point of numbers by name; what is missing is put where it starts."""
+        """Return the search point of parameters by name; missing ones take their starting value."""
         given = [
             float(u.inward(values[u.name])) if u.name in values else s
             for u, s in zip(self.unknowns, self.start, strict=True)
@@ -86,7 +86,7 @@ class Problem(ABC):
         return np.array(given)
 
     def residuals(self, points: np.ndarray) -> np.ndarray:
-        """Return predicted less measured of a batch of search points, in the unit of what was measured, (B, m)."""
+        """Return predicted minus measured values for a batch of search points [unit of the measurement], (B, m)."""
         predicted = self.predict([self.values(p) for p in points])
         residual, begin = np.empty((len(points), self.size)), 0
         for x, (y, counts) in zip(predicted, self.series(), strict=True):
@@ -94,13 +94,15 @@ class Problem(ABC):
             part = residual[:, begin : begin + rows.size]
             for ahead, model in zip(
                 part, x, strict=True
-            ):  # row by row: nothing as large as the whole is held beside it
+            ):  # row by row, to avoid a temporary array of full size
                 np.subtract(model[rows], y[rows], out=ahead)
             begin += rows.size
         return residual
 
     def encoder(self, point: np.ndarray) -> np.ndarray:
-        """Return the change of the residuals for redrawn encoder steps, one draw a row, (draws, m); no draws by default.
+        """Return the change of the residuals for random encoder rounding errors, one draw per row, (draws, m).
+
+        By default, there are no draws.
 
         Args:
             point: search coordinates, (P,).
@@ -112,22 +114,20 @@ class Problem(ABC):
         return found
 
     def yardstick(self, unknown: Unknown) -> tuple[float, float]:
-        """Return the least and the largest size that the error of a number is compared with [SI]."""
+        """Return the smallest and the largest value that the error of an unknown is compared with [SI]."""
         return 0.0, np.inf
 
     def bracket(
         self, values: Mapping[str, float], record: Any, predicted: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and upper limit of a measurement that is not an error, (n,) each: the prediction itself by
-        default.
-        """
+        """Return lower and upper limits between which a measurement has no error, (n,) each; by default the prediction."""
         return predicted, predicted
 
     def axis_of(self, values: Mapping[str, float]) -> Axis:
-        """Return the axis with its law and drive of these values.
+        """Return the axis with law and drive for given parameter values.
 
         Raises:
-            InvalidInput: torque was fitted, which tells no axis with its drive.
+            InvalidInput: torque was fitted, which does not determine an axis with its drive.
         """
         raise InvalidInput(
             "A fit of torque given motion does not identify an axis with a drive.",

@@ -1,4 +1,4 @@
-"""From a fitted law to a joint of a model, with the evidence that a report shows."""
+"""Conversion of a fitted law to a joint of a model, with the evidence for the report."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def finish(
     """Return a joint's friction and its evidence, from a fit of torque.
 
     Args:
-        joint: whose friction it is.
-        final: fitted to everything.
-        judged: fitted without what it is judged on.
-        pairs: signals and stretches that were fitted.
-        unseen: the same of held-out logs, to judge on; none: the fitted ones.
-        masks: samples of what it is judged on that `judged` had not seen, (n,) each.
-        given: numbers of the dynamics beside those of the fit, by name.
-        how: the law was fitted.
+        joint: the joint.
+        final: fit to all data.
+        judged: fit without the held-out data.
+        pairs: fitted signals and stretches.
+        unseen: signals and stretches of held-out logs; empty: held-out windows of the fitted ones are judged.
+        masks: held-out samples of each judged stretch, (n,).
+        given: terms of the dynamics that were not fitted, by name.
+        how: kind of the fit, for the name of the method.
     """
     stretches = [s for _, s in pairs]
     v = np.concatenate([s.velocity for s in stretches])
@@ -97,7 +97,7 @@ def finish(
 
 
 def errors(final: Fit) -> dict[str, Any]:
-    """Return the standard errors by parameter of the law, one number or one an element."""
+    """Return the standard errors by parameter of the law: one number, or one per element."""
     found: dict[str, Any] = {}
     known = law_covariance(final)
     by_row = {} if known is None else known.standard_errors()
@@ -117,7 +117,7 @@ def errors(final: Fit) -> dict[str, Any]:
 
 
 def law_covariance(final: Fit, dynamics: Iterable[str] = ()) -> Covariance | None:
-    """Return the covariance of the law's parameters and of terms of the dynamics, as far as the fit has one.
+    """Return the covariance of the law's parameters and of terms of the dynamics; None if the fit has none.
 
     Args:
         final: the fit.
@@ -143,7 +143,7 @@ def law_covariance(final: Fit, dynamics: Iterable[str] = ()) -> Covariance | Non
 
 
 def _share_rows(final: Fit, count: int, row_of: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the derivatives of shares by what was sought; none where one of their ratios has no variance."""
+    """Return the derivatives of shares with respect to the fit's parameters; empty if a ratio has no variance."""
     ratios = [f"share[{i}]" for i in range(count - 1)]
     if not ratios or any(name not in row_of for name in ratios):
         return {}

@@ -1,8 +1,8 @@
-"""Bounded least squares from many starts at once: every trial of a step is one compiled call over all of them.
+"""Bounded least squares by the method of Levenberg and Marquardt, with residuals evaluated in batches.
 
-Levenberg and Marquardt's method in scaled coordinates. The Jacobian is by forward differences, all columns of all starts in
-one batch; then several dampings are tried in one batch, and the best is taken if it lowers the cost. A coordinate at its
-bound whose gradient points outwards is held. A robust loss enters by weights (iteratively reweighted least squares).
+The Jacobian is computed by forward differences in scaled coordinates, all columns in one batch. Several dampings are then
+tried in another batch, and the best step is taken if it lowers the cost. A coordinate at its bound is held if descent points
+outwards. A robust loss enters by weights (iteratively reweighted least squares).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 from backdrive.identification import regression
 from backdrive.identification.dynamic import stopping
 
-STEP = 1e-5  # of the forward differences, in scaled coordinates
-DAMPINGS = np.array([0.01, 0.1, 1.0, 10.0])  # tried in one batch, times the damping of the step before
-HUBER = 2.0  # residuals beyond so many standard deviations count linearly
-CHUNK = 4_000_000  # residuals of one batch at most
+STEP = 1e-5  # step of the forward differences [search coordinate]
+DAMPINGS = np.array([0.01, 0.1, 1.0, 10.0])  # tried dampings, relative to the last one
+HUBER = 2.0  # residuals above this size count linearly [standard deviation]
+CHUNK = 4_000_000  # largest number of residuals in one batch
 
-#: Loss -> (cost per residual, weight) of the residual in standard deviations.
+#: Loss -> function from residuals [standard deviation] to cost and weight per residual.
 LOSSES: dict[str, Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
     "linear": lambda z: (z**2, np.ones_like(z)),
     "huber": lambda z: (
@@ -39,11 +39,11 @@ class SearchResult:
         point: search coordinates, (P,).
         cost: sum of the loss over all residuals.
         residual: at the point, (m,).
-        jacobian: of the residual by the search coordinates, (m, P).
-        weight: of every residual in the last step, (m,).
-        converged: the last steps no longer lowered the cost.
-        evaluations: of the model.
-        interrupted: a person stopped it; this is the best so far.
+        jacobian: derivatives of the residuals with respect to the search coordinates, (m, P).
+        weight: of every residual at the point, (m,).
+        converged: the last steps hardly lowered the cost.
+        evaluations: number of evaluations of the model.
+        interrupted: a person stopped the search; this is the best result so far.
     """
 
     point: np.ndarray
@@ -60,12 +60,12 @@ class Search:
     """Least squares of `residuals(points (B, P)) -> (B, m)` between bounds.
 
     Args:
-        residuals: of a batch of points; NaN where a point makes no sense.
+        residuals: function that returns the residuals of a batch of points, NaN for invalid points.
         lower: bounds of the search coordinates, (P,).
         upper: bounds of the search coordinates, (P,).
         loss: `linear`, `huber` or `absolute`.
-        sigma: standard deviation of a residual, by which the loss judges what is large; None: from the residuals.
-        step: of the forward differences.
+        sigma: standard deviation of a residual, which scales the loss; None: from the residuals.
+        step: of the forward differences [search coordinate].
     """
 
     def __init__(self, residuals, lower, upper, *, loss="huber", sigma=None, step=STEP):
@@ -74,7 +74,7 @@ class Search:
         self.evaluations = 0
         self.best: SearchResult | None = None
         self.stopped = False
-        #: Start, or end where a search came to rest -> iterations, end.
+        #: Starting point, or end of a converged search -> allowed iterations, result.
         self.ended: dict[bytes, tuple[int, SearchResult]] = {}
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
@@ -84,13 +84,13 @@ class Search:
         return self.residuals(points)
 
     def scale(self, residual: np.ndarray) -> float:
-        """Return the standard deviation that the loss counts in."""
+        """Return the standard deviation that scales the loss."""
         if self.sigma is not None:
             return self.sigma
         return max(regression.robust_spread(residual), 1e-300)
 
     def cost(self, residual: np.ndarray, sigma: float) -> float:
-        """Return the loss of residuals [their unit squared]; infinite where one is not finite."""
+        """Return the loss of residuals [their unit squared; `absolute`: their unit]; infinite if one is not finite."""
         if not np.all(np.isfinite(residual)):
             return np.inf
         if self.loss == "linear":
@@ -104,12 +104,12 @@ class Search:
         return LOSSES[self.loss](np.abs(residual) / sigma)[1]
 
     def jacobian(self, point: np.ndarray, residual: np.ndarray) -> np.ndarray:
-        """Return the Jacobian at a point, (P,), whose residual is given, (m,): (m, P)."""
+        """Return the Jacobian, (m, P), at a point, (P,), with its residual, (m,)."""
         steps = np.where(point + self.step > self.upper, -self.step, self.step)
         return np.ascontiguousarray(((self.evaluate(point + np.diag(steps)) - residual) / steps[:, None]).T)
 
     def at(self, point: np.ndarray, residual: np.ndarray) -> SearchResult:
-        """Return the result of a search that converges at a point, (P,), with this residual, (m,)."""
+        """Return the result of a search that converges at a point, (P,), with its residual, (m,)."""
         sigma = self.scale(residual)
         return SearchResult(
             point=point,
@@ -129,16 +129,16 @@ class Search:
         tolerance: float = 1e-8,
         tick: Callable[[int, float], None] | None = None,
     ) -> SearchResult:
-        """Descend from a start and return the end.
+        """Minimise the loss from a starting point and return the end.
 
         Args:
             start: search coordinates, (P,).
-            iterations: at most.
-            tolerance: relative fall of the cost below which the search is done.
+            iterations: largest number of iterations.
+            tolerance: relative decrease of the cost below which the search is converged.
             tick: called with the iteration and the cost.
 
-        A search from a point where an earlier one started or converged is not repeated. An interruption ends this search and
-        later ones with the best result of any of them. If there is no result yet, the interruption is raised.
+        A search is not repeated from a point at which an earlier one started or converged. After an interruption, this and
+        all later searches return the best result so far. If there is no result yet, the interruption is raised.
         """
         if self.stopped and self.best is not None:
             return replace(self.best, interrupted=True)
@@ -206,16 +206,16 @@ class Search:
         lengths: tuple[float, ...] = (1.0,),
         farthest: float = 3.0,
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the ends of damped steps and their dampings, (T, P) and (T,); bounds are held where a step would leave.
+        """Return the ends of damped steps, (T, P), and their dampings, (T,); the ends lie within the bounds.
 
         Args:
             point: search coordinates, (P,).
-            residual: there, (m,).
-            jacobian: there, (m, P).
-            sigma: standard deviation that the loss counts in.
-            dampings: that are tried.
-            lengths: of each step that are tried.
-            farthest: that a step goes, in search coordinates.
+            residual: at the point, (m,).
+            jacobian: at the point, (m, P).
+            sigma: standard deviation that scales the loss.
+            dampings: tried dampings.
+            lengths: tried lengths of each step, relative to the full step [-].
+            farthest: largest change of a coordinate in a full step [search coordinate].
         """
         w = self.weights(residual, sigma)
         usable = np.isfinite(jacobian).all(axis=0)
@@ -237,7 +237,7 @@ class Search:
 
 
 def screen(search: Search, points: np.ndarray, keep: int) -> np.ndarray:
-    """Return the `keep` points of lowest cost that are not next to each other, best first, (keep, P)."""
+    """Return at most `keep` points of lowest cost that lie apart from each other, best first, (keep, P)."""
     costs = np.full(len(points), np.inf)
     size = None
     i = 0

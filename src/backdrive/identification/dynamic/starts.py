@@ -1,4 +1,4 @@
-"""Starting values read off the data: Coulomb torque from reversals, viscous from slope, stiffness from presliding."""
+"""Starting values from the data: Coulomb and viscous friction by regression, stiffness from presliding."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from backdrive.laws.base import Sizes
 from backdrive.laws.direction import plain as without_direction
 from backdrive.logs.filters import low_pass
 
-GRID = 24  # break-away distances that elements side by side are first sought at
-MOST = 2.0  # times the largest friction seen: more than that no break-away can be
-LONGEST = 15_000  # samples in which a delay is looked for
-STILL = 1e-9  # rad or m: a joint whose position spans less has not moved
+GRID = 24  # number of break-away distances on the grid for elements side by side
+MOST = 2.0  # upper limit of a break-away torque, relative to the largest friction in the data [-]
+LONGEST = 15_000  # largest number of samples for the estimate of a delay
+STILL = 1e-9  # travel below which a joint counts as not moving [rad or m]
 
 
 def rest_of(
     stretches: Sequence[Stretch], terms: Sequence[str], known: Mapping[str, float] | None = None
 ) -> tuple[dict[str, float], list[np.ndarray]]:
-    """Return rough values of friction and dynamics by linear least squares, and what is left for friction.
+    """Return rough values of friction and dynamics by linear least squares, and the torque that remains for friction.
 
     Args:
         stretches: of one joint.
-        terms: of the rest of the dynamics.
-        known: terms that are not sought, by name [SI].
+        terms: other terms of the dynamics to estimate.
+        known: fixed terms of the dynamics, by name [SI].
 
     Returns:
-        Values by name: `coulomb`, `viscous` and the terms; and the measured torque less the terms, a series a stretch.
+        Values by name: `coulomb`, `viscous` and the terms; and the measured torque minus the terms, one series per stretch.
     """
     rows, targets = [], []
     stretches = subtract_terms(stretches, known or {})
@@ -55,13 +55,13 @@ def rest_of(
 
 
 def _least_squares(A: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the coefficients of columns that may be of very different size, (P,)."""
+    """Return the least-squares coefficients, (P,); columns may differ in size by orders of magnitude."""
     norm = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
     return np.linalg.lstsq(A / norm, y, rcond=1e-8)[0] / norm
 
 
 def subtract_terms(stretches: Sequence[Stretch], known: Mapping[str, float]) -> list[Stretch]:
-    """Return stretches whose torque is without what known terms take of it."""
+    """Return stretches with the contribution of known terms subtracted from the torque."""
     return [
         replace(s, torque=s.torque - sum(value * column(s, term) for term, value in known.items()))
         for s in stretches
@@ -69,12 +69,12 @@ def subtract_terms(stretches: Sequence[Stretch], known: Mapping[str, float]) -> 
 
 
 def delay_of(stretches: Sequence[Stretch], terms: Sequence[str], reach: float) -> float:
-    """Return the delay of the torque at which Coulomb and viscous friction explain it best [s]; coarse.
+    """Return a coarse estimate of the torque's delay, at which Coulomb and viscous friction fit best [s].
 
     Args:
-        stretches: of one joint.
-        terms: of the rest of the dynamics.
-        reach: longest delay, either way [s].
+        stretches: of one joint; the longest one is used.
+        terms: other terms of the dynamics to fit.
+        reach: largest magnitude of the delay [s].
     """
     s = max(stretches, key=lambda s: len(s.torque))
     n, dt = len(s.torque), s.dt
@@ -101,14 +101,14 @@ def scales(
     count: float | None,
     known: Mapping[str, float] | None = None,
 ) -> Scales:
-    """Return the sizes that the data show.
+    """Return the typical sizes in the data.
 
     Args:
         stretches: of one joint.
-        terms: of the rest of the dynamics.
+        terms: other terms of the dynamics to fit.
         unit: of the joint.
         count: encoder steps per rad or m, if known.
-        known: terms that are not sought, by name [SI].
+        known: fixed terms of the dynamics, by name [SI].
 
     Raises:
         NotIdentifiable: the joint never moves, or its torque never changes.
@@ -137,7 +137,7 @@ def scales(
 
 
 def presliding_length(stretches: Sequence[Stretch], left: Sequence[np.ndarray], force: float) -> float:
-    """Return over which distance after a reversal friction turns round: the median over slow reversals [rad or m]."""
+    """Return the distance after a reversal over which friction changes sign, from the median over reversals [rad or m]."""
     found = []
     for s, f in zip(stretches, left, strict=True):
         v = s.velocity
@@ -189,7 +189,7 @@ def _sizes(
     left: Sequence[np.ndarray],
     way: float = 0.0,
 ) -> Sizes:
-    """Return what the data tell of friction, in all motion or in that of one direction, 1 or -1."""
+    """Return the sizes of friction in the data, for one direction (`way` 1 or -1) or for both (0)."""
     F, V = max(coulomb, 0.05 * scales.force), scales.speed
     near = np.concatenate(
         [
@@ -213,7 +213,7 @@ def _sizes(
 def _sizes_along(
     problem: TorqueProblem, scales: Scales, left: Sequence[np.ndarray], way: float, both: Sizes
 ) -> Sizes:
-    """Return what the data tell of friction in one direction, 1 or -1; as in both where there is little motion in it."""
+    """Return the sizes of friction in one direction, 1 or -1; those of both if there is little motion in that direction."""
     rows, targets = [], []
     for s, f in zip(problem.stretches, left, strict=True):
         speed = way * s.velocity
@@ -227,10 +227,10 @@ def _sizes_along(
 
 
 def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Scales) -> dict[str, float]:
-    """Return stiffnesses and share ratios of elements side by side, by name.
+    """Return starting values for stiffnesses and share ratios of elements side by side, by name.
 
-    Along a given path, the torque is linear in the strengths of sliders with break-away distances on a grid. Sliders of
-    positive strength are merged with their neighbours until the required number is left.
+    Along a given path, the torque is linear in the strengths of sliders whose break-away distances lie on a grid. Sliders of
+    positive strength are merged with neighbours, or the strongest is split, until their number is right.
     """
     from scipy.optimize import nnls
 
@@ -272,12 +272,12 @@ def side_by_side(problem: TorqueProblem, left: Sequence[np.ndarray], scales: Sca
 
 
 def bristle(s: Stretch, friction: np.ndarray, force: float) -> np.ndarray:
-    """Return how far the bristle of the Leuven model moves in each sample, as the measured friction tells it [rad or m].
+    """Return the displacement of the Leuven model's bristle in each sample, estimated from measured friction [rad or m], (n,).
 
     Args:
         s: the stretch.
-        friction: torque less the rest of the dynamics [N.m or N], (n,).
-        force: of friction [N.m or N].
+        friction: torque minus all other terms of the dynamics [N.m or N], (n,).
+        force: typical friction [N.m or N].
     """
     smooth = low_pass(friction, min(SMOOTHED, 0.1 / s.dt) / 3.0, 1.0 / s.dt)
     slow = _slow(s)
@@ -287,7 +287,7 @@ def bristle(s: Stretch, friction: np.ndarray, force: float) -> np.ndarray:
 
 
 def threshold(problem: TorqueProblem, left: Sequence[np.ndarray]) -> float:
-    """Return the speed that best parts samples without torque from those with it [rad/s or m/s]."""
+    """Return the speed that best separates samples with little torque from samples with more [rad/s or m/s]."""
     speed = np.concatenate([np.abs(s.velocity[s.judged]) for s in problem.stretches])
     torque = np.concatenate([np.abs(f[s.judged]) for s, f in zip(problem.stretches, left, strict=True)])
     order = np.argsort(speed)
@@ -295,7 +295,7 @@ def threshold(problem: TorqueProblem, left: Sequence[np.ndarray]) -> float:
     half = 0.5 * float(np.median(torque[speed > SLOW * speed[-1]]))
     gain = np.cumsum(
         np.where(torque < half, 1.0, -1.0)
-    )  # samples on the right side, less those on the wrong one
+    )  # correctly minus wrongly classified samples below each speed
     return float(speed[int(np.argmax(gain))])
 
 
@@ -305,7 +305,7 @@ def _slow(s: Stretch) -> np.ndarray:
 
 
 def starts(problem: TorqueProblem, scales: Scales, count: int, seed: int) -> np.ndarray:
-    """Return the guess and others scattered around it, within the bounds, (count, P)."""
+    """Return starting points: the guess, and points scattered around it within the bounds, (count, P)."""
     values = guess(problem, scales)
     centre = problem.point(values)
     rng = np.random.default_rng(seed)

@@ -1,8 +1,8 @@
 """Ctrl-C during a fit: the first one ends the search and keeps the best result, the second one ends the program.
 
-Python may raise an interruption at any instruction, where it can be lost in a thread or corrupt a partial result. So once a
-result exists, the interruption is only noted, and raised between two evaluations of the search. Before that, it is raised at
-once.
+Python may raise an interruption at any instruction, where it can be lost in a thread or corrupt a partial result. As soon as
+a result exists, an interruption is therefore recorded, and raised between two evaluations of the search. Before that, it is
+raised at once.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ T = TypeVar("T")
 
 @dataclass
 class _State:
-    """What has happened so far.
+    """The state of the handler.
 
     Attributes:
-        noted: a first interruption waits to be raised.
-        depth: fits under way.
-        keeps: a search has found something.
+        noted: a first interruption is recorded but not yet raised.
+        depth: number of running fits.
+        keeps: a search has a result.
     """
 
     noted: bool = False
@@ -36,25 +36,25 @@ _state = _State()
 
 
 def keep() -> None:
-    """Note that there is a result now, which an interruption has to keep."""
+    """Record that there is a result, which an interruption must not lose."""
     _state.keeps = True
 
 
 def keeping() -> bool:
-    """Return whether a fit is running that ends with its present result at a first interruption."""
+    """Return whether a fit is running that will end with its present result at the first interruption."""
     return _state.depth > 0 and _state.keeps
 
 
 def is_interrupt_pending() -> bool:
-    """Return whether an interruption is still pending that came too late to end a search."""
+    """Return whether an interruption is pending, because it came too late to end a search."""
     return _state.noted
 
 
 def check() -> None:
-    """Raise the interruption that was noted, once.
+    """Raise a recorded interruption, once.
 
     Raises:
-        KeyboardInterrupt: a person asked for the end.
+        KeyboardInterrupt: a person interrupted the fit.
     """
     if _state.noted:
         _state.noted = False
@@ -63,7 +63,7 @@ def check() -> None:
 
 @contextmanager
 def gently() -> Iterator[None]:
-    """Note the first Ctrl-C within this block; the second one, and any where signals cannot be caught, ends it at once."""
+    """Record the first Ctrl-C within this block once there is a result; any other one ends the block at once."""
     plain = signal.default_int_handler
     if (
         _state.depth
@@ -88,7 +88,7 @@ def gently() -> Iterator[None]:
 
 
 def result_or_none(call: Callable[[], T]) -> T | None:
-    """Return what a call gives, or None where it was interrupted."""
+    """Return the result of a call, or None if it was interrupted."""
     try:
         check()
         return call()

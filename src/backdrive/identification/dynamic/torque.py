@@ -1,7 +1,7 @@
-"""Torque given motion: the residuals of a law, with the rest of the joint's dynamics and a common delay.
+"""Torque given motion: the residuals of a law, with the other terms of the joint's dynamics and a common delay.
 
-A delay is sought by moving the motion, which is smooth, and not the torque, which may jump: the law is run along positions
-interpolated at the instants that the torque belongs to.
+For a delay, the motion is shifted, since it is smooth, and not the torque, which may jump. The law is evaluated along
+positions interpolated at the instants of the torque.
 """
 
 from __future__ import annotations
@@ -23,15 +23,16 @@ from backdrive.identification.terms import columns, unit_of
 from backdrive.laws import REFERENCE, DeadZone, Law
 from backdrive.logs.filters import derivative, low_pass
 
-FEWEST = 50  # samples
-LONGEST_DELAY = 0.05  # s
-SMOOTHED = 100.0  # Hz: up to here an encoder's steps show as velocity
-RESTS = 1e-3  # of the top speed: a joint that is slower rests
-BESIDE = 6  # samples next to a rest or a reversal do not count where friction jumps there
-DRAWS = 8  # of the encoder's steps, by which its share in an error is estimated
-BLUR = 1.5  # pi sqrt(2)/3: speed error of a low-passed encoder, in steps a sample by (bandwidth dt)^(3/2)
-SLOW = 0.03  # of the top speed: below it a motion shows presliding and break-away
-#: What may be 0 -> times its scale, below which an error counts as small however small the value.
+FEWEST = 50  # least number of samples for a fit
+LONGEST_DELAY = 0.05  # longest delay of the search [s]
+SMOOTHED = 100.0  # default bandwidth of encoder noise in the velocity [Hz]
+RESTS = 1e-3  # share of the top speed below which a joint is at rest [-]
+BESIDE = 6  # number of samples on each side of a rest or reversal that do not count if friction jumps there
+DRAWS = 8  # number of random draws of the encoder's rounding error, for its part of the standard errors
+# speed error of a low-passed encoder, pi sqrt(2)/3, in units of one step per sample times (bandwidth dt)^(3/2)
+BLUR = 1.5
+SLOW = 0.03  # share of the top speed below which a motion shows presliding and break-away [-]
+#: Parameter that may be 0 -> least value that its error is compared with [scale of the parameter].
 LOOSE = {"delay": 50.0, "offset": 1.0, "gravity_sin": 1.0, "gravity_cos": 1.0}
 
 
@@ -48,9 +49,9 @@ class Stretch:
         load: motor-side and external torque [N.m or N], (n, 2) or (1, 2).
         temperature: [degC], (n,) or (1,).
         judged: samples that count, (n,).
-        sliding: samples at which friction is that of sliding, (n,), or (1,) for all.
-        only_sliding: no others count.
-        bandwidth: up to here an encoder's steps show as velocity [Hz].
+        sliding: samples at which the joint slides steadily, (n,), or (1,) for all.
+        only_sliding: whether only sliding samples count.
+        bandwidth: of encoder noise in the velocity [Hz].
     """
 
     dp: np.ndarray
@@ -81,10 +82,10 @@ def stretch(
     """Return prepared signals as a stretch.
 
     Args:
-        signals: of `identification.signals.prepare`.
+        signals: result of `identification.signals.prepare`.
         load: motor-side and external torque [N.m or N], (n, 2).
         temperature: [degC], (n,).
-        bandwidth: of the low pass that the motion went through [Hz].
+        bandwidth: of encoder noise in the velocity, at most that of the motion's low pass [Hz].
     """
     dt = 1.0 / signals.rate
     dp = increments(signals.position, signals.velocity, dt)
@@ -105,17 +106,17 @@ def stretch(
 
 
 class TorqueProblem(Problem):
-    """Residuals of measured torque by a law, rigid-body terms and a delay, for batches of candidates.
+    """Residuals of measured torque for a law, rigid-body terms and a delay, for batches of parameter sets.
 
     Args:
-        shape: the law that is sought.
+        shape: shape of the law to fit.
         stretches: of one joint, any number.
-        scales: sizes that ranges follow from.
-        terms: of the rest of the dynamics: `inertia`, `offset`, `gravity_sin`, `gravity_cos`.
-        delay: seek how much later the torque was recorded than the motion.
-        bounds: of the law's parameters, beyond their own, and of terms and delay.
-        known: terms that are not sought, by name [SI].
-        about: expected delay of the torque, which shifts its reversals [s]. Samples near them do not count if friction jumps.
+        scales: typical sizes, which determine the ranges.
+        terms: other terms of the dynamics to fit: `inertia`, `offset`, `gravity_sin`, `gravity_cos`.
+        delay: fit the time by which torque was recorded later than motion.
+        bounds: bounds of the user on the law's parameters, terms and delay, by name [SI].
+        known: fixed terms of the dynamics, by name [SI].
+        about: expected delay of the torque [s]; near its delayed reversals, samples do not count if friction jumps.
     """
 
     def __init__(
@@ -145,7 +146,7 @@ class TorqueProblem(Problem):
             reach = max(LONGEST_DELAY, 2.0 * dt)
             low, high = bounds.get("delay", (-reach, reach))
             unknowns.append(Unknown(name="delay", unit="s", lower=low, upper=high, scale=dt))
-        if shape.element.SET_VALUED:  # at rest its torque is whatever holds the joint
+        if shape.element.SET_VALUED:  # at rest its torque is undetermined
             self.stretches = [
                 moving(s, max(2.0 * scales.slowest * s.dt * s.bandwidth, RESTS * scales.speed), about / s.dt)
                 for s in self.stretches
@@ -166,11 +167,11 @@ class TorqueProblem(Problem):
 
     @property
     def side_by_side(self) -> bool:
-        """Whether elements side by side are sought."""
+        """Whether the law has elements side by side to fit."""
         return any(name.startswith("stiffness[") for name in self.names)
 
     def series(self, records: Sequence[Stretch] | None = None) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Return measured torque [N.m or N] and which samples count, (n,) each."""
+        """Return the measured torque [N.m or N] and the samples that count, (n,) each."""
         return [(s.torque, s.judged) for s in (self.stretches if records is None else records)]
 
     def predict(
@@ -198,7 +199,9 @@ class TorqueProblem(Problem):
         for s, X in pairs:
             moved = [_late(s, X, d / s.dt, rigid) for d in delays]
             dp, load = np.array([m[0] for m in moved]), np.array([m[1] for m in moved])
-            warmth = np.tile(s.temperature, (len(delays), 1))  # an own array: a view compiles the loop again
+            warmth = np.tile(
+                s.temperature, (len(delays), 1)
+            )  # a copy, since a view would be compiled for again
             tau = lanes.torque(which, dp, s.dt, load, warmth)
             if zones is not None:
                 tau *= _outside(dp[which] / s.dt, zones, self.blur)
@@ -210,9 +213,9 @@ class TorqueProblem(Problem):
         return predicted
 
     def sort_elements(self, found: SearchResult) -> SearchResult:
-        """Return where a search ended with elements side by side sorted, the stiffest first.
+        """Return the end of a search with its elements side by side sorted, the stiffest first.
 
-        Which of them is called the first changes nothing in the torque.
+        The torque does not depend on their order.
         """
         names = list(self.names)
         springs = [names.index(n) for n in names if n.startswith("stiffness[")]
@@ -230,7 +233,7 @@ class TorqueProblem(Problem):
         return replace(found, point=T @ found.point, jacobian=found.jacobian @ np.linalg.inv(T))
 
     def yardstick(self, unknown: Unknown) -> tuple[float, float]:
-        """Return the least and the largest size that the error of a number is compared with [SI]."""
+        """Return the smallest and the largest value that the error of an unknown is compared with [SI]."""
         if unknown.name not in LOOSE:
             return 0.0, np.inf
         most = np.inf if unknown.name == "delay" else max(self.largest, unknown.scale)
@@ -239,10 +242,10 @@ class TorqueProblem(Problem):
     def bracket(
         self, values: Mapping[str, float], record: Stretch, predicted: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return what the torque may lie between without an error [N.m or N], (n,) each.
+        """Return lower and upper limits between which the torque has no error [N.m or N], (n,) each.
 
-        At a reversal, friction that jumps may have any value between those before and after, since the instant of the
-        reversal within the sampling interval is unknown.
+        The instant of a reversal within the sampling interval is unknown. If friction jumps there, it may have any value
+        between those before and after.
         """
         low, high = predicted.copy(), predicted.copy()
         if self.shape.element.SET_VALUED and len(predicted) > 2:
@@ -254,14 +257,14 @@ class TorqueProblem(Problem):
         return low, high
 
     def encoder(self, point: np.ndarray, draws: int = DRAWS, seed: int = 0) -> np.ndarray:
-        """Return how the residuals change when the encoder's steps fall otherwise [N.m or N], (draws, m).
+        """Return the change of the residuals for random encoder rounding errors [N.m or N], (draws, m).
 
-        An encoder's steps are an error of the motion, which the law turns into torque. Here they are drawn anew, uniform within
-        a step and low-passed, as the motion is.
+        The rounding errors of an encoder are errors of the motion, which the law converts to torque. Random errors, uniform
+        within a step and low-passed like the motion, are added to it.
 
         Args:
             point: search coordinates, (P,).
-            draws: how often.
+            draws: number of draws.
             seed: of the draws.
         """
         if self.count == 0.0:
@@ -279,7 +282,7 @@ class TorqueProblem(Problem):
         return np.array(changes)
 
     def _redrawn(self, s: Stretch, rng: np.random.Generator) -> Stretch:
-        """Return a stretch whose encoder steps fell otherwise."""
+        """Return a stretch with a random encoder rounding error added."""
         e = self.count * (rng.uniform(size=len(s.dp)) - 0.5)
         e = low_pass(e, min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
         return replace(
@@ -291,12 +294,12 @@ class TorqueProblem(Problem):
 
 
 def moving(s: Stretch, slowest: float, late: float = 0.0) -> Stretch:
-    """Return a stretch in which samples slower than that, and their neighbours, do not count.
+    """Return a stretch in which slow samples, reversals and their neighbours do not count.
 
     Args:
         s: the stretch.
-        slowest: speed [rad/s or m/s].
-        late: samples by which the torque is later than the motion.
+        slowest: speed below which a sample is slow [rad/s or m/s].
+        late: delay of the torque behind the motion [sample].
     """
     velocity = earlier(s.velocity, float(round(late)))
     resting = (np.abs(velocity) < slowest) | (np.diff(np.sign(velocity), prepend=0.0) != 0)
@@ -307,7 +310,7 @@ def moving(s: Stretch, slowest: float, late: float = 0.0) -> Stretch:
 def _late(
     s: Stretch, X: np.ndarray, samples: float, rigid: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return increments, load and regressors of a motion that the torque lags behind by so many samples.
+    """Return increments, load and regressors of the motion to which a torque delayed by some samples belongs.
 
     A `rigid` law depends only on the velocity at the sample, so its increments are centered there. Other laws use the
     increment of the interval before the sample.
@@ -322,10 +325,10 @@ def _late(
 
 
 def _outside(velocity: np.ndarray, threshold: np.ndarray, blur: float) -> np.ndarray:
-    """Return the share of the torque of a dead zone, (B, n): 0 within it, 1 outside.
+    """Return the factor of a dead zone on the torque, (B, n): 0 within the zone, 1 outside.
 
-    A measured speed has an error and is known only at the samples. So the edge of the dead zone is smoothed, which also makes
-    the torque differentiable with respect to its place.
+    A measured speed has an error and is known only at the samples. The edge of the dead zone is therefore smoothed, which
+    also makes the torque differentiable with respect to the threshold.
     """
     width = np.hypot(1.5 * blur, 0.5 * np.gradient(velocity, axis=1))
     depth = 0.5 + 0.5 * np.clip((np.abs(velocity) - threshold[:, None]) / width, -1.0, 1.0)

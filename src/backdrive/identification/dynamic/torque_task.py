@@ -1,4 +1,4 @@
-"""Torque given motion: one joint's stretches, with what is sought beside a law, prepared for the fit of a shortlist."""
+"""Torque given motion: one joint's stretches and terms of the dynamics, prepared for the fit of several laws."""
 
 from __future__ import annotations
 
@@ -36,26 +36,26 @@ from backdrive.laws import CoulombViscous, Rigid
 from backdrive.logs.log import Log
 from backdrive.model import JointFriction
 
-VARIES = 0.1  # a load or temperature counts as varying if its span exceeds this share of its size [-]
-WORSE = (
-    1.1  # a fit to everything is rejected above this ratio of its mean square to that of the judged fit [-]
-)
-BETTER = 0.9  # a fit to sliding alone is used below this ratio of its mean square in sliding to that of a fit to everything [-]
+VARIES = 0.1  # least span of a varying load or temperature, relative to its largest magnitude [-]
+# largest mean squared error of the fit to all data, relative to the fit without held-out data [-]
+WORSE = 1.1
+# largest mean squared error in sliding of the fit to sliding alone, relative to the fit to all samples [-]
+BETTER = 0.9
 MOST_PULL = 100.0  # ratio of gravity to friction above which two terms cancel each other [-]
-TURNS = 0.5  # a joint that turns by less shows little of gravity [rad]
+TURNS = 0.5  # least rotation that shows gravity [rad]
 
 
 class TorqueTask(Task):
     """One joint's torque given its motion.
 
     Args:
-        logs: to fit.
-        held_out: to judge on; none: every third window of the fitted ones.
+        logs: logs to fit.
+        held_out: logs to judge on; without any, every third window of the fitted logs.
         name: of the joint.
-        options: everything else.
+        options: options of the user.
 
     Raises:
-        UnknownName: what is known is no term of the dynamics.
+        UnknownName: a known parameter is not a term of the dynamics.
         NotIdentifiable: the joint never moves, or its torque never changes.
     """
 
@@ -153,14 +153,14 @@ class TorqueTask(Task):
         asked: Mapping[str, Any],
         warm_start: Mapping[str, Any],
     ) -> Fit:
-        """Return the fit of a law to sliding alone where reversals spoil the one to everything; otherwise that one."""
+        """Return the fit of a law to sliding alone if reversals bias the fit to all samples; otherwise the latter."""
         late = one.values.get("delay", 0.0)
         slid = sliding(records, late)
         if not any(s.only_sliding for s in slid):
             return one
         line = shape.rate is CoulombViscous
         if line and not lags_behind(records, slid, one.misses(records), late):
-            return one  # a line follows the crossing of zero as well
+            return one  # a straight line fits through reversals as well
         again = {"begin": 8, "descend": 1, "begin_at": one.values} if line else warm_start
         two = fit_law(shape, slid, tick=self.options.ticker(self.info.name, STEPS), **asked, **again)
         if line or lags_behind(records, slid, two.misses(records), late):
@@ -170,11 +170,11 @@ class TorqueTask(Task):
         )
 
     def error(self, one: Fit) -> tuple[float, int]:
-        """Return the mean squared error on what was fitted, rests included, and the number of its samples."""
+        """Return the mean squared error on the fitted data, rests included, and the number of samples."""
         return choice.training_error(one, self.shown)
 
     def judges_of(self, one: Fit) -> Sequence[Stretch]:
-        """Return what a fit is judged on: sliding alone, where no law of the choice says what happens before."""
+        """Return the stretches to judge a fit on; only sliding counts if no law of the choice describes presliding."""
         if any(LawShape.from_name(law).element is not Rigid for law in self.laws):
             return self.judges
         return sliding(self.judges, one.values.get("delay", 0.0))
@@ -184,20 +184,20 @@ class TorqueTask(Task):
         return choice.shows_presliding(one.problem.shape, one.unseen, one.at_bound)
 
     def differs(self, one: Fit) -> bool:
-        """Return whether numbers for each direction may lower the error by enough to matter, to first order."""
+        """Return whether parameters for each direction may lower the error enough, to first order."""
         late = one.values.get("delay", 0.0)
         velocity = [earlier(s.velocity, late / s.dt)[s.judged] for s in one.problem.stretches]  # type: ignore[attr-defined]
         return directions.gain(one, np.concatenate(velocity)) > 1.0 - (1.0 - choice.WORTH) ** 2
 
     def explains(self, final: Fit, judged: Fit) -> bool:
-        """Return whether a fit to everything explains everything about as well as the one that was judged."""
+        """Return whether the fit to all data explains them about as well as the fit without held-out data."""
         stretches = [s for _, s in self.pairs]
         return (
             choice.training_error(final, stretches)[0] <= WORSE * choice.training_error(judged, stretches)[0]
         )
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
-        """Return friction and evidence of the last fit and the one that was judged."""
+        """Return friction and evidence from the final fit and from the fit without held-out data."""
         known = dict(self.options.known)
         if any(log.model_torque is not None for log in self.logs):
             known["model_torque"] = 1.0
@@ -205,12 +205,12 @@ class TorqueTask(Task):
         return finish(self.info, final, judged, self.pairs, self.unseen, self.masks, given)
 
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
-        """Return the low pass."""
+        """Return the cutoff frequency of the motion's low pass."""
         return {"cutoff": self.cutoff}
 
 
 def gravity_terms(stretches: Sequence[Stretch], unit: str, wanted: bool | None) -> tuple[str, ...]:
-    """Return the terms of gravity that are sought: where asked for, or where all stretches together turn far enough to show it."""
+    """Return the terms of gravity to fit: if the user asks for them, or if the joint turns far enough to show gravity."""
     turns = unit == "rad" and all(s.position is not None for s in stretches)
     ends = [end(s.position) for s in stretches for end in (np.min, np.max) if s.position is not None]
     far = turns and max(ends) - min(ends) > TURNS
@@ -218,9 +218,9 @@ def gravity_terms(stretches: Sequence[Stretch], unit: str, wanted: bool | None) 
 
 
 def gravity_shows(logs: Sequence[Log], name: str) -> bool:
-    """Return whether a curve equal in both directions needs a gravity term although the joint turns little.
+    """Return whether a curve equal in both directions needs a gravity term, although the joint turns little.
 
-    On a small stroke, neglected gravity looks like friction that differs by direction. So gravity is tried first.
+    On a small stroke, neglected gravity looks like friction that differs by direction. Gravity is therefore tried first.
     """
     try:
         friction, _ = identify_motion(logs, name, symmetric=True)
@@ -233,13 +233,13 @@ def gravity_shows(logs: Sequence[Log], name: str) -> bool:
 
 
 def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> list[tuple[Signals, Stretch]]:
-    """Return signals and stretches of one joint, with its load and temperature; a torque known from elsewhere is taken off.
+    """Return signals and stretches of one joint, with load and temperature; a known model torque is subtracted.
 
     Args:
-        log: that holds it.
+        log: a log of the joint.
         name: of the joint.
-        cutoff: low pass of the motion [Hz].
-        late: delay of the torque that is known; the stretches hold the motion of so long before [s].
+        cutoff: cutoff frequency of the motion's low pass [Hz].
+        late: known delay of the torque [s]; the motion of the stretches is shifted by it.
     """
     found = []
     for signals in prepare(log, name, cutoff=cutoff):
@@ -261,7 +261,7 @@ def _varies(x: np.ndarray) -> bool:
 
 
 def _slow_reversals(stretches, length: float) -> bool:
-    """Say whether some reversals take at least five samples to cross the presliding distance."""
+    """Return whether at least three reversals take five samples or more to cross the presliding distance."""
     count = 0
     for s in stretches:
         path = np.cumsum(np.abs(s.dp))

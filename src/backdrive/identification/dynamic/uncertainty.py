@@ -1,6 +1,4 @@
-"""Uncertainty of a fit: a covariance valid for noise correlated in time, and 95 % intervals from it, from profiles or from
-windows.
-"""
+"""Uncertainty of a fit: a covariance valid for noise correlated in time, and 95 % intervals by three methods."""
 
 from __future__ import annotations
 
@@ -16,15 +14,15 @@ from backdrive.identification import regression
 from backdrive.identification.dynamic.search import Search, SearchResult
 from backdrive.identification.options import Interval
 
-BLOCKS = 60  # of time, whose scores are taken as independent
-UNSEEN = 1e4  # standard error [search coordinate] beyond which a number does not act on the residuals at all
-RISE = 1.96  # root of the rise of the cost at the end of a 95 % profile interval [standard deviations]
-CLOSE = 0.003  # of that rise: so near to it an end is taken [-]
-WEAK = 0.10  # a standard error beyond this share of the value is called weak [-]
+BLOCKS = 60  # number of blocks of time whose scores are taken as independent
+UNSEEN = 1e4  # standard error above which a parameter counts as without effect on the residuals [search coordinate]
+RISE = 1.96  # square root of the cost's rise at the ends of a 95 % profile interval [standard deviation]
+CLOSE = 0.003  # relative tolerance of `RISE` at the ends of a profile interval [-]
+WEAK = 0.10  # relative standard error above which a parameter counts as not identifiable [-]
 
 
 METHODS: tuple[str, ...] = get_args(Interval)
-STEPS = 8  # of the search that fits all others again, per point of a profile
+STEPS = 8  # largest number of iterations of the refit at each point of a profile
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,7 +30,7 @@ class Covariance:
     """Covariance of the search coordinates.
 
     Attributes:
-        matrix: (P, P); NaN for coordinates at a bound, infinite for those that do not act on the residuals.
+        matrix: (P, P); NaN for coordinates at a bound, infinite for coordinates without effect on the residuals.
         correlation: between them, (P, P).
     """
 
@@ -50,17 +48,17 @@ def search_covariance(
 ) -> Covariance:
     """Return the covariance of a weighted least-squares fit.
 
-    The scores are summed over blocks of time before they are squared. So residuals that keep their sign for a while (encoder
-    steps, effects not in the law) count as one error. If the result is smaller than the covariance for independent residuals
-    and errors of the motion, the latter is used.
+    The scores are summed over blocks of time before they are squared. Residuals that keep their sign for a while (encoder
+    steps, effects not in the law) thus count as one error. No variance is smaller than that for independent residuals and
+    errors of the motion.
 
     Args:
-        jacobian: of the residuals by the search coordinates, (m, P).
+        jacobian: derivatives of the residuals with respect to the search coordinates, (m, P).
         residual: (m,).
         weight: of the residuals, (m,).
         free: coordinates that are not at a bound, (P,).
-        edges: where stretches of time end within the residuals.
-        inputs: what errors of the motion do to the residuals, a draw a row, (D, m).
+        edges: index in the residuals at which each record ends.
+        inputs: changes of the residuals by random errors of the motion, one draw per row, (D, m).
     """
     m, P = jacobian.shape
     matrix, correlation = np.full((P, P), np.nan), np.eye(P)
@@ -97,10 +95,10 @@ def search_covariance(
 
 
 def inverse(gram: np.ndarray) -> np.ndarray:
-    """Return the inverse of a Gram matrix; a direction that the data do not show gets a large variance, not none.
+    """Return the inverse of a Gram matrix; directions that the data do not determine get a large, finite variance.
 
     Args:
-        gram: symmetric, its diagonal of the order of 1, (P, P).
+        gram: symmetric, with a diagonal of the order of 1, (P, P).
     """
     value, vector = np.linalg.eigh(gram)
     value = np.maximum(value, 1e-14 * value.max())
@@ -119,16 +117,16 @@ def profile(
     """Return the 95 % profile interval of one search coordinate.
 
     Args:
-        best: where the cost is least.
-        cost: cost with the coordinate held and all others fitted again.
+        best: coordinate with the least cost.
+        cost: function from the coordinate to the cost, with all other coordinates refitted.
         least: the cost at `best`.
-        variance: of a residual.
-        error: standard error, by which the walk steps.
+        variance: of a residual, scaled for correlation.
+        error: standard error of the coordinate, which sets the first step.
         lower: bound of the coordinate.
         upper: bound of the coordinate.
 
     Returns:
-        Where the cost has risen by 1.96^2 variances on either side; a bound where it never does.
+        Coordinates at which the cost has risen by 1.96^2 variances, below and above; a bound if it never does.
     """
     from scipy.optimize import brentq
 
@@ -148,7 +146,7 @@ def profile(
             if rise(at) >= 0.0 or at == bound:
                 break
             step *= 1.6
-        root = rise(at) >= 0.0  # and nearly a straight line up to it
+        root = rise(at) >= 0.0  # nearly linear between `inside` and `at`
         ends.append(float(brentq(rise, inside, at, xtol=1e-3 * step)) if root else bound)  # type: ignore[arg-type]
     return ends[0], ends[1]
 
@@ -165,16 +163,16 @@ def bootstrap(
 ) -> np.ndarray:
     """Return standard errors of the search coordinates from windows drawn with replacement, (P,).
 
-    Each draw takes one Gauss-Newton step from the fit on the windows drawn, which is exact where the model is linear over the
-    error's size.
+    For each draw, the coordinates take one Gauss-Newton step from the fit. This is exact if the model is linear within the
+    errors.
 
     Args:
-        jacobian: (m, P).
+        jacobian: derivatives of the residuals with respect to the search coordinates, (m, P).
         residual: (m,).
-        weight: (m,).
+        weight: of the residuals, (m,).
         free: coordinates that are not at a bound, (P,).
-        draws: number of resamples.
-        windows: that the residuals are cut into.
+        draws: number of draws.
+        windows: number of windows of the residuals.
         seed: of the draws.
     """
     m = len(residual)
@@ -205,26 +203,26 @@ def intervals(
     seed: int = 0,
     tick: Callable[[str], None] | None = None,
 ) -> tuple[dict[str, tuple[float, float]], bool]:
-    """Return the 95 % interval of every number that was sought [SI], within its range; all of that where a number has no error.
+    """Return the 95 % interval of every estimated parameter within its range [SI]; the whole range if it has no error.
 
-    The second thing returned is False where a person interrupted profiles: the rest have the interval of the covariance.
+    The second value is False if a person interrupted the profiles. The remaining parameters then have the interval of the
+    covariance.
 
     Args:
-        problem: what was fitted: `unknowns`, `lower`, `upper` and `residuals`.
-        found: where the search ended.
+        problem: the fitted problem, with `unknowns`, `lower`, `upper` and `residuals`.
+        found: end of the search.
         errors: standard errors by name [SI].
-        method: `covariance`: a normal distribution in the search coordinate, lopsided for what is sought in its logarithm;
-            `profile`: values of the parameter for which refitting all others keeps the cost below a limit, scaled for
-                correlated residuals as the covariance is; `bootstrap`: windows of time drawn with
-            replacement.
+        method: `covariance`: a normal distribution in the search coordinate, asymmetric for a logarithmic coordinate;
+            `profile`: values of the parameter for which the cost, with all others refitted, stays below a limit scaled for
+            correlated residuals; `bootstrap`: windows of time drawn with replacement.
         loss: of the fit.
-        step: of the forward differences of a profile, in search coordinates.
+        step: of the forward differences of a profile [search coordinate].
         seed: of the bootstrap.
-        tick: called with the name before the profile of each number.
+        tick: called with the name of each parameter before its profile.
 
     Raises:
         UnknownName: no such method.
-        InvalidInput: a profile of absolute deviations, whose rise says nothing about an error.
+        InvalidInput: a profile of absolute deviations, whose rise does not determine an error.
     """
     check_interval(method, loss)
     unknowns, point = problem.unknowns, found.point

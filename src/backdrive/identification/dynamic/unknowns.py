@@ -1,8 +1,8 @@
 """The unknowns of a fit: parameters with unit and range, and the conversion from a search vector to a law.
 
-A search runs in scaled coordinates: the logarithm of parameters that span orders of magnitude, and the others in units of
-their scale. Shares of elements side by side are sought as the logarithms of their ratios to the last one, so that they always
-add up to 1.
+A search uses scaled coordinates: the logarithm of a parameter that spans orders of magnitude, or else the parameter divided by
+its scale. For shares of elements side by side, the coordinates are the logarithms of their ratios to the last share. Shares
+thus always add up to 1.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from backdrive.laws.base import Element, Parameter, Rate
 from backdrive.laws.direction import plain as without_direction
 from backdrive.laws.elements.maxwell_slip import Parallel
 
-WIDEST = 9.0  # of the logarithm of a ratio of shares
+WIDEST = 9.0  # largest magnitude of the logarithm of a ratio of shares
 WIDE = 1e3  # a range whose ends differ by more than this factor is searched in the logarithm
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scales:
-    """Sizes that the data show, from which ranges follow.
+    """Typical sizes in the data, which determine the ranges of parameters.
 
     Attributes:
-        force: of friction [N.m or N].
-        speed: largest [rad/s or m/s].
-        length: over which presliding torque builds up [rad or m].
+        force: typical friction [N.m or N].
+        speed: largest speed [rad/s or m/s].
+        length: distance over which presliding torque builds up [rad or m].
         unit: of the joint, `rad` or `m`.
-        slowest: speed below which the encoder says nothing [rad/s or m/s].
-        lag: a time in which friction may settle [s].
+        slowest: speed of one encoder step per sample [rad/s or m/s]; 0 if unknown.
+        lag: typical settling time of friction [s].
         most: largest friction in the data, for torques of a law above its sliding torque [N.m or N].
     """
 
@@ -47,7 +47,7 @@ class Scales:
     most: float = np.inf
 
     def of(self, unit: str) -> float:
-        """Return the size of a quantity of this unit."""
+        """Return the typical size of a quantity with a given unit."""
         table = {
             "force": self.force,
             "force.s/length": self.force / self.speed,
@@ -70,16 +70,16 @@ class Scales:
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """One number that is sought.
+    """One estimated parameter.
 
     Attributes:
         name: parameter of the law, or term of the dynamics; `name[i]` in a sequence.
         unit: SI unit for this joint.
         lower: smallest value.
         upper: largest value.
-        log: sought in its logarithm.
-        scale: size that a search steps in, where it does not step in the logarithm.
-        ratio: the number is the logarithm of a ratio of shares.
+        log: whether the search coordinate is the parameter's logarithm.
+        scale: unit of a search coordinate that is not logarithmic [unit of the parameter].
+        ratio: whether the parameter is the logarithm of a ratio of shares.
     """
 
     name: str
@@ -112,10 +112,10 @@ class Unknown:
 
 
 def user_range(name: str, given: Any) -> tuple[float, float]:
-    """Return a range that a person gave.
+    """Return a range given by the user.
 
     Raises:
-        InvalidInput: it is not two numbers, the lower one first.
+        InvalidInput: it does not consist of two numbers.
     """
     try:
         low, high = (float(x) for x in given)
@@ -129,7 +129,7 @@ def user_range(name: str, given: Any) -> tuple[float, float]:
 def unknown(
     name: str, parameter: Parameter, scales: Scales, bounds: Mapping[str, tuple[float, float]]
 ) -> Unknown:
-    """Return the unknown of a law's parameter: its range is the parameter's, cut to what the data can tell."""
+    """Return the unknown of a law's parameter, with its range limited to sizes that the data can determine."""
     size = scales.of(parameter.unit)
     wide = parameter.log or (parameter.lower > 0.0 and WIDE * parameter.lower < parameter.upper < np.inf)
     if parameter.unit == "1" and np.isfinite(parameter.lower) and np.isfinite(parameter.upper):
@@ -159,14 +159,14 @@ def unknown(
 
 @dataclass(frozen=True, kw_only=True)
 class LawShape:
-    """Which law is sought: its classes, how many elements side by side, and what is held fixed.
+    """The shape of a law to fit: its classes, the number of elements side by side, and its fixed parameters.
 
     Attributes:
         rate: class of the rate law.
         element: class of the presliding element.
-        count: of elements side by side, or of the knots of a curve whose velocities are fixed.
-        fixed: values of parameters that are not sought.
-        ties: parameters that are not sought and equal another one.
+        count: number of elements side by side, or of knots of a curve with fixed velocities.
+        fixed: values of parameters that are not estimated.
+        ties: parameter that is not estimated -> parameter that it equals.
     """
 
     rate: type[Rate]
@@ -180,8 +180,8 @@ class LawShape:
         """Return the shape of `rate`, or `rate+element`.
 
         Raises:
-            UnknownName: no such law; the message names near ones.
-            InvalidInput: the rate law cannot be carried by the element, or a fixed parameter is none of the law's.
+            UnknownName: no such law; the message suggests similar names.
+            InvalidInput: rate law and element cannot be combined, or a fixed parameter does not belong to the law.
         """
         from backdrive.laws.examples import ELEMENT_EXAMPLES
 
@@ -192,7 +192,9 @@ class LawShape:
             rate=rate_law(first), element=element_law(second or "none"), count=count, fixed=dict(fixed or {})
         )
         rate = shape.rate(**shape.rate.EXAMPLE)
-        Law(rate=rate, element=ELEMENT_EXAMPLES[second or "none"])  # says why not, where not
+        Law(
+            rate=rate, element=ELEMENT_EXAMPLES[second or "none"]
+        )  # raises an error if they cannot be combined
         strange = set(shape.fixed) - set(shape.rate.PARAMETERS) - set(shape.element.PARAMETERS)
         if strange:
             raise InvalidInput(
@@ -212,10 +214,10 @@ class LawShape:
         return self.rate.MARK > 0.0 and not (self.element.SET_VALUED or self.element.ZONE)
 
     def beside(self, terms: Sequence[str]) -> LawShape:
-        """Return the shape to be sought beside these terms of the dynamics.
+        """Return the shape to fit together with given terms of the dynamics.
 
-        A constant torque cannot be separated from Coulomb friction that differs by direction. So if an `offset` is fitted,
-        Coulomb friction is taken as equal in both directions. Exception: for a law of two curves with presliding, reversals
+        A constant torque cannot be separated from Coulomb friction that differs by direction. If an `offset` is fitted,
+        Coulomb friction is therefore equal in both directions. Exception: for a law of two curves with presliding, reversals
         separate the two.
         """
         loose = (
@@ -227,13 +229,13 @@ class LawShape:
         return replace(self, ties={**self.ties, **ties})
 
     def complete(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return values by name, those of the tied parameters among them."""
+        """Return values by name, including those of tied parameters."""
         return {**values, **{a: values[b] for a, b in self.ties.items() if b in values}}
 
     def unknowns(
         self, scales: Scales, bounds: Mapping[str, tuple[float, float]] | None = None
     ) -> list[Unknown]:
-        """Return what is sought of the law, in the order of its parameters."""
+        """Return the unknowns of the law, in the order of its parameters."""
         bounds = bounds or {}
         found = []
         for rows in (self.rate, self.element):
@@ -259,7 +261,7 @@ class LawShape:
         return found
 
     def law(self, values: Mapping[str, float]) -> Law:
-        """Return the law of these values."""
+        """Return the law with given parameter values."""
         values = self.complete(values)
         return Law(rate=self._rows(self.rate, values), element=self._rows(self.element, values))
 
@@ -278,6 +280,6 @@ class LawShape:
 
 
 def shares(ratios: Sequence[float]) -> tuple[float, ...]:
-    """Return shares that add up to 1 from the logarithms of their ratios to the last."""
+    """Return shares that add up to 1, from the logarithms of their ratios to the last share."""
     weights = np.exp(np.append(np.asarray(ratios, dtype=float), 0.0))
     return tuple((weights / weights.sum()).tolist())

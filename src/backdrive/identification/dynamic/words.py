@@ -1,4 +1,4 @@
-"""Sentences on parameters that this motion does not determine: the reason, and the motion that would determine them."""
+"""Sentences on parameters that a motion does not determine: the reason, and a motion that would determine them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.laws.direction import plain as without_direction
 
-#: Parameter -> (what the motion lacks, what would show it).
+#: Parameter -> (what the motion lacks, motion that would determine the parameter).
 REASONS: dict[str, tuple[str, str]] = {
     "stiffness": (
         "the motion has no reversal that is slow enough, and sampled finely enough, to show presliding",
@@ -105,13 +105,13 @@ REASONS: dict[str, tuple[str, str]] = {
 
 
 def alike(ties: Mapping[str, str]) -> str:
-    """Return what is to be said of parameters that were taken to equal others."""
+    """Return a sentence on parameters that were taken to equal others."""
     pairs = " and ".join(f"'{a}' is taken to equal '{b}'" for a, b in ties.items())
     return f"{pairs}: no motion can separate a difference between the directions from a constant torque, which is in 'offset'."
 
 
 def why(name: str) -> tuple[str, str]:
-    """Return what the motion lacks to determine this parameter, and the motion that would determine it."""
+    """Return what the motion lacks to determine a parameter, and a motion that would determine it."""
     plain = without_direction(name.partition("[")[0])
     if plain not in REASONS and plain.startswith("drive."):
         plain = plain[6:]
@@ -129,13 +129,13 @@ def why(name: str) -> tuple[str, str]:
 def unseen(
     names: Sequence[str], relative: np.ndarray, correlation: np.ndarray, weak: float
 ) -> tuple[dict[str, str], list[str]]:
-    """Return by name what is not identifiable from this motion, as a sentence, and the sentences in order.
+    """Return a sentence for each parameter that is not identifiable from this motion, by name and as a list.
 
     Args:
-        names: of the numbers.
-        relative: standard error by value, (P,); infinite or NaN where there is none.
-        correlation: between their estimates, (P, P).
-        weak: share beyond which a number counts as not identifiable.
+        names: of the parameters.
+        relative: standard error divided by the value, (P,); infinite or NaN if unknown.
+        correlation: between the estimates, (P, P).
+        weak: relative standard error above which a parameter counts as not identifiable [-].
     """
     found = {}
     for i, name in enumerate(names):
