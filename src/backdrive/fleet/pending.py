@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,14 +28,17 @@ def check_options(identification: Mapping[str, Any]) -> None:
         InvalidInput: an option makes no sense.
         UnknownName: there is no such law, method or option.
     """
-    from backdrive.identification import dynamic
+    if not identification:
+        return
+    from backdrive.identification import dynamic, identify
     from backdrive.identification.auto import METHODS
     from backdrive.identification.options import Options
 
-    names = {name: name for name in vars(Options())}
+    names = dict(inspect.signature(identify).parameters)
     for name in identification:
-        lookup(name, names, "option")
-    options = Options(**identification)
+        lookup(name, names, "known option of identify")
+    own = vars(Options())
+    options = Options(**{name: value for name, value in identification.items() if name in own})
     options.check()
     if options.method != "auto":
         lookup(options.method, METHODS, "method")
@@ -57,6 +61,7 @@ class Plan:
         stamps: of every log that is listed, by path.
         robots: whose results no longer hold, by the names in the results.
         retry: results of logs that failed no longer hold.
+        has_stale: there are rows that no longer hold.
     """
 
     logs: list[LogEntry]
@@ -64,6 +69,7 @@ class Plan:
     stamps: Mapping[str, str] = field(default_factory=dict)
     robots: frozenset[str] = frozenset()
     retry: bool = False
+    has_stale: bool = False
 
     def is_stale(self, table: pa.Table) -> np.ndarray:
         """Return the rows that no longer hold, (n,): of files that have changed, of robots and failures to be done again."""
@@ -81,6 +87,8 @@ class Plan:
 
     def drop_stale(self, store: Store) -> None:
         """Remove the rows that no longer hold; called when the workers are there to identify their logs again."""
+        if not self.has_stale:
+            return
         with store.editing():
             store.drop(self.is_stale)
 
@@ -102,10 +110,14 @@ def pending_logs(
     with store.editing():
         sentences = store.set_aside_fragments()
         robots = frozenset(_names(store, again, entries))
-        sentences += _correct(store, entries)
-        known = store.raw(["path", "stamp", "failure", "tag", "robot"])
+        known = store.raw(["path", "stamp", "failure", "tag", *STATED])
+        if corrected := _correct(store, known, entries):
+            sentences.append(corrected)
+            known = store.raw(known.column_names)
     plan = Plan([], sentences, {entry.path: entry.stamp for entry in entries}, robots, retry)
-    valid = known.filter(~plan.is_stale(known))
+    stale = plan.is_stale(known)
+    plan = replace(plan, has_stale=bool(stale.any()))
+    valid = known.filter(~stale)
     columns = (valid.column(name).to_pylist() for name in ("path", "stamp", "tag"))
     done = {
         path
@@ -129,31 +141,32 @@ def _names(store: Store, again: Sequence[str], entries: Sequence[LogEntry]) -> s
     return {*again, *(old for old, new in store.names.items() if new in again)}
 
 
-def _correct(store: Store, entries: Sequence[LogEntry]) -> list[str]:
-    """Write robot, type and day of the source into the results of the same files, as when a manifest was corrected."""
+def _correct(store: Store, known: pa.Table, entries: Sequence[LogEntry]) -> str:
+    """Write robot, type and day of the source into the results of the same files, as when a manifest was corrected; return a
+    sentence, or nothing if all of them are right.
+    """
     pyarrow = require("pyarrow", "A fleet's results need", "fleet")
     stated = {(entry.path, entry.stamp): (entry.robot, entry.type, entry.day) for entry in entries}
-    corrected: set[str] = set()
 
-    def correct(table: pa.Table) -> pa.Table | None:
+    def rows(table: pa.Table) -> tuple[list[Any], list[Any], list[Any]]:
+        """Return the paths, and robot, type and day as they are and as they should be."""
         paths, stamps, *columns = (table.column(n).to_pylist() for n in ("path", "stamp", *STATED))
         before = list(zip(*columns, strict=True))
-        after = [
-            stated.get(key, row) for key, row in zip(zip(paths, stamps, strict=True), before, strict=True)
-        ]
-        wrong = {path for path, old, new in zip(paths, before, after, strict=True) if old != new}
-        if not wrong:
+        keys = zip(paths, stamps, strict=True)
+        return paths, before, [stated.get(key, row) for key, row in zip(keys, before, strict=True)]
+
+    def correct(table: pa.Table) -> pa.Table | None:
+        _, before, after = rows(table)
+        if before == after:
             return None
-        corrected.update(wrong)
         for name, values in zip(STATED, zip(*after, strict=True), strict=True):
             number = table.column_names.index(name)
             kind = table.schema.field(number)
             table = table.set_column(number, kind, pyarrow.array(list(values), kind.type))
         return table
 
-    store.rewrite(correct, ["path", "stamp", *STATED])
-    if not corrected:
-        return []
-    return [
-        f"{len(corrected)} logs have another robot, type or day in the source now; their results have it too."
-    ]
+    wrong = {path for path, old, new in zip(*rows(known), strict=True) if old != new}
+    if not wrong:
+        return ""
+    store.rewrite(correct)
+    return f"{len(wrong)} logs have another robot, type or day in the source now; their results have it too."

@@ -193,18 +193,13 @@ class Store:
         self.rewrite(keep)
         return count
 
-    def rewrite(
-        self, change: Callable[[pa.Table], pa.Table | None], columns: Sequence[str] | None = None
-    ) -> None:
+    def rewrite(self, change: Callable[[pa.Table], pa.Table | None]) -> None:
         """Replace the rows of batches, file by file, each whole; a file without rows is removed.
 
         Args:
             change: takes the table of a batch, returns that which replaces it, or None to keep it.
-            columns: that tell whether it does; they are read first. None: all.
         """
         for part in self.parts():
-            if columns is not None and change(self.read_part(part, columns)) is None:
-                continue
             table = change(self.read_part(part))
             if table is None:
                 continue

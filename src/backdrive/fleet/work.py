@@ -70,7 +70,9 @@ def do_batch(batch: Batch, options: Mapping[str, Any], folder: str) -> dict[str,
 def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the rows of a log: one for each joint, or one with the reason of the failure."""
     if entry.fault:
-        return [failure(entry, "ReadError", entry.fault, "Correct the manifest, or leave the line out.")]
+        return [
+            failure(entry, "ReadError", entry.fault, "Check the file, or correct the line of the manifest.")
+        ]
     digest = ""
     try:
         with local_copy(entry.place) as path, warnings.catch_warnings():
