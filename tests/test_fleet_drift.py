@@ -236,3 +236,20 @@ def test_the_page_holds_no_foreign_script_and_no_address(judged, tmp_path):
 def test_dates():
     assert date_of(number_of(date(2026, 3, 31))) == date(2026, 3, 31)
     assert number_of(date(1970, 1, 2)) == 1
+
+
+def test_the_mean_robot_has_the_covariance_between_robots():
+    model = Population(members=(member(between=((0.01, 0.008), (0.008, 0.04))),)).model("ur")
+    rate = [one.joint("j1").law.rate for one in model.draw(400, seed=2)]
+    assert all(one.coulomb_positive == pytest.approx(one.coulomb_negative, rel=1e-6) for one in rate)
+    drawn = np.array([(one.coulomb_positive, one.viscous_positive) for one in rate])
+    assert np.corrcoef(drawn.T)[0, 1] == pytest.approx(0.4, abs=0.12)
+
+
+def test_the_page_ranks_joints_without_results_after_the_changed(judged, tmp_path):
+    silent = {judged[7].history.name: "no result since 2026-01-10: no later logs"}
+    text = write_page(tmp_path / "f.html", judged, silent=silent).read_text()
+    assert text.index("robot002/j1") < text.index("robot007/j1") < text.index("robot000/j1")
+    assert '"k":3' in text
+    assert "1 joints have no result of the last days" in text
+    assert "overflow-y: scroll" in text

@@ -13,8 +13,8 @@ from pathlib import Path
 from _common import Judge, parser
 from fleet import write_logs
 
+from backdrive.fleet.batches import BYTES
 from backdrive.fleet.cluster import ENVIRONMENT, local_client
-from backdrive.fleet.run import BYTES
 from backdrive.fleet.sources import list_logs
 from backdrive.fleet.store import Store, write_rows
 from backdrive.fleet.work import do_log, tag_of

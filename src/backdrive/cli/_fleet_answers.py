@@ -124,7 +124,7 @@ def sql(
         str, typer.Argument(metavar="SELECT", help="Over the tables `results` and `failures`.")
     ],
     output: Results,
-    most: Annotated[int, typer.Option("--most", help="Largest number of rows to print.")] = 1000,
+    most: Annotated[int, typer.Option("--most", min=1, help="Largest number of rows to print.")] = 1000,
     as_json: _logs.AsJson = False,
 ) -> None:
     """Run an SQL query (DuckDB). It can read the tables of the results and nothing else.
@@ -182,6 +182,7 @@ def page(
         int,
         typer.Option(
             "--reports",
+            min=0,
             help="Number of joints, the worst first, whose last log gets a report beside the page.",
         ),
     ] = 0,
@@ -192,17 +193,21 @@ def page(
     Example: backdrive fleet page -o results/ --page fleet.html
     """
     from backdrive.fleet.page import write_page
+    from backdrive.fleet.silence import silent_joints
     from backdrive.fleet.status import status
+    from backdrive.fleet.store import Store
 
     _logs.check_targets([target], [])
     with progress() as say:
         say("Judging the joints")
         every, apart = _judge(output, rate, None)
+        silent = silent_joints([one.history for one in every], Store.open(output).table(failures=True))
         links = _reports(output, target, every, reports, say)
         write_page(
             target,
             every,
             apart,
+            silent=silent,
             sentences=status(output)["sentences"],
             reports=links,
             title=f"Fleet {output.name}",
@@ -231,10 +236,11 @@ def rename(
     ],
     output: Results,
 ) -> None:
-    """Record a robot's new name, so that both histories are joined.
+    """Record a robot's new name, so that both histories are joined. NEW=OLD undoes it.
 
     Example: backdrive fleet rename robot005=cell3 -o results/
     """
+    from backdrive.fleet.renames import record_renames
     from backdrive.fleet.store import Store
 
     store = Store.open(output)
@@ -245,8 +251,8 @@ def rename(
             raise InvalidInput(f"'{pair}' is not a pair of names.", remedy="Write OLD=NEW.")
         names[old] = new
     with store.lock():
-        store.rename(names).save()
-    echo(", ".join(f"{old} is now {new}" for old, new in names.items()) + ".")
+        for sentence in record_renames(store, names):
+            echo(sentence)
 
 
 def _histories(output: Path) -> list[History]:
@@ -300,6 +306,7 @@ def _reports(output: Path, target: Path, every: list[Drift], count: int, say: An
     from backdrive._files import make_folder
     from backdrive.errors import BackdriveError
     from backdrive.fleet.store import Store
+    from backdrive.fleet.work import local_copy
     from backdrive.identification import identify
     from backdrive.logs.readers import read_log
     from backdrive.report import write_report
@@ -312,7 +319,8 @@ def _reports(output: Path, target: Path, every: list[Drift], count: int, say: An
         file = f"{re.sub(r'[^A-Za-z0-9._-]+', '_', name)[:80]}-{len(links)}.html"
         say(f"Report of {name}")
         try:
-            log = read_log(path, **options.get("reading", {}))
+            with local_copy(path) as place:
+                log = read_log(place, **options.get("reading", {}))
             result = identify(log, **options.get("identification", {}))
             write_report(result, folder / file, command=f"backdrive identify {path}")
         except BackdriveError as error:

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from backdrive.cli import _fleet_answers as answers
 from backdrive.cli import _logs
+from backdrive.cli._fleet_progress import fleet_progress
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._progress import progress
+
+if TYPE_CHECKING:
+    from backdrive.fleet.run import Outcome
 
 EXAMPLE = "Example: backdrive fleet run logs/ -o results/"
 HELP = "Identify the logs of a fleet, and tell whose friction is changing: backdrive fleet logs/ -o results/"
@@ -39,7 +43,8 @@ def run(
     ],
     output: answers.Results,
     workers: Annotated[
-        int | None, typer.Option("--workers", help="Processes on this machine.  [default: one a processor]")
+        int | None,
+        typer.Option("--workers", min=1, help="Processes on this machine.  [default: one a processor]"),
     ] = None,
     cluster: Annotated[
         str | None, typer.Option("--cluster", help="A Dask scheduler to use instead: tls://host:8786.")
@@ -55,7 +60,7 @@ def run(
     shard: Annotated[
         str, typer.Option("--shard", help="Only shard i of n shards of the logs, for job arrays: 3/16.")
     ] = "1/1",
-    batch: Annotated[int, typer.Option("--batch", help="Largest number of logs in one task.")] = 64,
+    batch: Annotated[int, typer.Option("--batch", min=1, help="Largest number of logs in one task.")] = 64,
     retry: Annotated[bool, typer.Option("--retry", help="Try again the logs that failed.")] = False,
     again: Annotated[
         list[str] | None,
@@ -75,21 +80,19 @@ def run(
     """Identify every log that is not done yet; `run` may be left out.
 
     Logs that fail are listed with the reason. Run the command again at any time, also after Ctrl-C: finished logs are kept.
+    Exits with 1 if every log of this run failed.
 
     Example: backdrive fleet logs/ -o results/
     """
     from backdrive.fleet.cluster import Credentials
     from backdrive.fleet.run import run_fleet
-    from backdrive.fleet.store import Store
 
     part = _shard(shard)
-    for robot in again or []:
-        Store.open(output).forget(robot)
     given = reading.to_dict()
     if given.get("join"):
         raise typer.BadParameter("--join belongs to one log; a fleet has many.")
     chosen = {"method": method, "law": law, "symmetric": symmetric, "accept": accept or [], "repair": repair}
-    with progress(quiet=as_json) as say:
+    with fleet_progress(quiet=as_json) as say:
         outcome = run_fleet(
             source,
             output,
@@ -104,13 +107,20 @@ def run(
             shard=part,
             batch=batch,
             retry=retry,
+            again=again or [],
             progress=say,
         )
     if as_json:
         from dataclasses import asdict
 
         print_json({"ok": True} | asdict(outcome))
-        return
+    else:
+        _tell(outcome, output)
+    if outcome.done and outcome.failed == outcome.done:
+        raise typer.Exit(1)
+
+
+def _tell(outcome: Outcome, output: Path) -> None:
     rate = f", {outcome.done / outcome.seconds:.3g} a second" if outcome.done else ""
     echo(
         f"{outcome.logs} logs: {outcome.done} done in {outcome.seconds:.1f} s{rate}, {outcome.kept} were done before."
@@ -154,12 +164,14 @@ def status(output: answers.Results, as_json: _logs.AsJson = False) -> None:
 
 def simulate(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the logs.")],
-    robots: Annotated[int, typer.Option("--robots", help="Number of robots.")] = 20,
-    joints: Annotated[int, typer.Option("--joints", help="Joints of each.")] = 1,
-    days: Annotated[int, typer.Option("--days", help="Length of the history.")] = 60,
-    seconds: Annotated[float, typer.Option("--seconds", help="Length of a log [s].")] = 20.0,
-    rate: Annotated[float, typer.Option("--rate", help="Samples a second [Hz].")] = 200.0,
-    seed: Annotated[int, typer.Option("--seed", help="Seed of all random numbers.")] = 0,
+    robots: Annotated[int, typer.Option("--robots", min=1, help="Number of robots.")] = 20,
+    joints: Annotated[int, typer.Option("--joints", min=1, help="Joints of each.")] = 1,
+    days: Annotated[int, typer.Option("--days", min=1, help="Length of the history.")] = 60,
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=0.1, max=1e5, help="Length of a log [s].")
+    ] = 20.0,
+    rate: Annotated[float, typer.Option("--rate", min=1.0, max=1e5, help="Samples a second [Hz].")] = 200.0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of all random numbers.")] = 0,
 ) -> None:
     """Write the logs of a simulated fleet to try things on: wear, a new gear, a payload, a broken and a renamed robot.
 
@@ -168,7 +180,7 @@ def simulate(
     from backdrive.errors import InvalidInput
     from backdrive.fleet.simulation import example
 
-    if not (seconds * rate >= 100.0 and rate <= 1e5):
+    if not seconds * rate >= 100.0:
         raise InvalidInput(f"{seconds:g} s at {rate:g} Hz.", remedy="Give a log of at least 100 samples.")
     fleet = example(robots=robots, joints=joints, days=days, seed=seed)
     with progress() as say:

@@ -7,7 +7,7 @@ from typing import Any
 
 #: Public name -> module of this package; imported on first use, so that a command loads only what it needs.
 _HOMES = {
-    "LogEntry": "sources",
+    "LogEntry": "entries",
     "list_logs": "sources",
     "Outcome": "run",
     "run_fleet": "run",
@@ -23,6 +23,7 @@ _HOMES = {
     "Population": "population_file",
     "merge": "population",
     "run_query": "query",
+    "silent_joints": "silence",
     "write_page": "page",
 }
 

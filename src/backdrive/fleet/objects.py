@@ -42,7 +42,7 @@ def filesystem(address: str) -> tuple[Any, str]:
 
 
 def list_objects(address: str) -> Iterator[tuple[str, int, str, float, str]]:
-    """Yield the address, size [B], stamp, time of change [s since 1970] and path below the source of every log.
+    """Yield address, size [B], stamp, time of change [s since 1970] and path below the source of every log.
 
     Args:
         address: of a folder, an object or a pattern.
@@ -52,18 +52,24 @@ def list_objects(address: str) -> Iterator[tuple[str, int, str, float, str]]:
     """
     system, path = filesystem(address)
     protocol = address.partition("://")[0]
-    pattern = any(sign in path for sign in "*?[")
-    root = (
-        path[: min(path.find(sign) for sign in "*?[" if sign in path)].rpartition("/")[0] if pattern else path
-    )
+    pattern, root = any(sign in path for sign in "*?["), folder_of(address)
     with _explain_errors(address):
         infos = system.glob(path, detail=True) if pattern else system.find(path, detail=True)
     for name, info in infos.items():
         if info.get("type") == "file" and PurePosixPath(name).suffix.lower() in SUFFIXES:
             inside = (
-                name.removeprefix(root.strip("/")).strip("/") if name != root else PurePosixPath(name).name
+                name.strip("/").removeprefix(root.strip("/")).strip("/")
+                if name != root
+                else PurePosixPath(name).name
             )
             yield _metadata(protocol, name, info, inside or PurePosixPath(name).name)
+
+
+def folder_of(address: str) -> str:
+    """Return the path of an address, without its protocol; of a pattern, the folder above its first sign."""
+    path = address.partition("://")[2]
+    signs = [path.find(sign) for sign in "*?[" if sign in path]
+    return path[: min(signs)].rpartition("/")[0] if signs else path.rstrip("/")
 
 
 def describe(address: str) -> tuple[str, int, str, float, str]:

@@ -29,10 +29,10 @@ function line(joint, width, height, left = 0, top = 0) {
 }
 
 function card(joint) {
-  const made = element("button", { class: "card" + ["", " apart", " changed"][joint.k], title: joint.s });
+  const made = element("button", { class: "card" + ["", " apart", " changed", " silent"][joint.k], title: joint.s });
   const picture = element("/svg", { width: "100%", height: 38, viewBox: "0 0 100 38", preserveAspectRatio: "none", "aria-hidden": "true" });
   picture.append(element("/path", { d: line(joint, 100, 34, 0, 2) }));
-  made.append(element("b", {}, joint.n), picture, element("small", {}, `${joint.r[0]} to ${joint.r[1]} ${joint.u}`));
+  made.append(element("b", {}, joint.n), picture, element("small", {}, joint.z === undefined ? `${joint.r[0]} to ${joint.r[1]} ${joint.u}` : `no result since ${date(joint.d[1])}`));
   made.addEventListener("click", () => open(joint));
   return made;
 }
@@ -63,7 +63,7 @@ function draw() {
 function choose() {
   const words = search.value.toLowerCase().split(/\s+/).filter(Boolean), which = Number(kind.value);
   view = joints.filter((joint) => words.every((word) => joint.n.toLowerCase().includes(word)) &&
-    (which === 0 || (which === 2 ? joint.k === 2 : joint.a !== undefined)));
+    (which === 0 || (which === 2 ? joint.k === 2 : which === 3 ? joint.z !== undefined : joint.a !== undefined)));
   count.textContent = `${view.length} of ${joints.length}`;
   window.scrollTo(0, 0);
   draw();
@@ -84,6 +84,7 @@ function open(joint) {
   close.addEventListener("click", () => one.close());
   one.replaceChildren(element("h2", { id: "name" }, joint.n), picture,
     element("p", {}, `Friction at ${joint.v} ${joint.u === "N.m" ? "rad/s" : "m/s"} [${joint.u}]: ${joint.s}.`));
+  if (joint.z) one.append(element("p", {}, `Of this joint there is ${joint.z}.`));
   if (joint.a) one.append(element("p", {}, `Unlike its siblings: ${joint.a}.`));
   one.append(element("p", {}, `Last: constant ${joint.l[0]}, viscous ${joint.l[1]}.`));
   if (joint.h) one.append(element("p", {}, "")), one.lastChild.append(element("a", { href: joint.h }, "Report of the last log"));

@@ -32,6 +32,7 @@ def write_page(
     drifts: Sequence[Drift],
     outliers: Sequence[Outlier] = (),
     *,
+    silent: Mapping[str, str] | None = None,
     sentences: Sequence[str] = (),
     reports: Mapping[str, str] | None = None,
     title: str = "Fleet",
@@ -42,6 +43,7 @@ def write_page(
         path: of the file.
         drifts: the test result of every joint.
         outliers: joints that are unlike their siblings.
+        silent: joints without a result in the last time, by `ROBOT/JOINT`, with a sentence (`silent_joints`).
         sentences: on the whole fleet.
         reports: of joints by `ROBOT/JOINT`: path of a report relative to the page.
         title: of the page.
@@ -52,8 +54,9 @@ def write_page(
     apart: dict[str, str] = {}
     for one in outliers:
         apart.setdefault(f"{one.robot}/{one.joint}", one.sentence)
-    order = sorted(drifts, key=lambda one: _rank(one, apart))
-    data = {"points": POINTS, "joints": [_joint(one, apart, reports or {}) for one in order]}
+    silent = silent or {}
+    order = sorted(drifts, key=lambda one: _rank(one, silent, apart))
+    data = {"points": POINTS, "joints": [_joint(one, silent, apart, reports or {}) for one in order]}
     text = (
         json.dumps(data, ensure_ascii=True, separators=(",", ":"))
         .replace("<", "\\u003c")
@@ -61,6 +64,8 @@ def write_page(
     )
     named = sum(one.named for one in drifts)
     head = [*sentences, f"{named} joints have changed; {len(apart)} are unlike their siblings."]
+    if silent:
+        head.append(f"{len(silent)} joints have no result of the last days, while others have.")
     folder = Path(__file__).parent
     page = (folder / "page.html").read_text(encoding="utf-8")
     parts = {
@@ -72,21 +77,30 @@ def write_page(
     return write_whole(Path(path), re.sub(r"\{\{(\w+)\}\}", lambda match: parts[match[1]], page))
 
 
-def _rank(one: Drift, apart: Mapping[str, str]) -> tuple:
-    """Order: changed, the largest first; unlike its siblings; the rest by probability."""
-    unlike = one.history.name in apart
+def _rank(one: Drift, silent: Mapping[str, str], apart: Mapping[str, str]) -> tuple:
+    """Order: changed, the largest first; without results now; unlike its siblings; the rest by probability."""
+    name = one.history.name
     size = -abs(one.size) if one.named else 0.0
-    return (not one.named, size, not unlike, one.p if np.isfinite(one.p) else 2.0, one.history.name)
+    return (
+        not one.named,
+        size,
+        name not in silent,
+        name not in apart,
+        one.p if np.isfinite(one.p) else 2.0,
+        one.history.name,
+    )
 
 
-def _joint(one: Drift, apart: Mapping[str, str], reports: Mapping[str, str]) -> dict[str, Any]:
+def _joint(
+    one: Drift, silent: Mapping[str, str], apart: Mapping[str, str], reports: Mapping[str, str]
+) -> dict[str, Any]:
     history = one.history
     first, last = int(history.day[0]), int(history.day[-1])
     low, high, points = _points(history)
     name = visible(history.name)
     about = {
         "n": name,
-        "k": 2 if one.named else 1 if history.name in apart else 0,
+        "k": 2 if one.named else 3 if history.name in silent else 1 if history.name in apart else 0,
         "d": [first, last],
         "r": [_short(low), _short(high)],
         "y": points,
@@ -97,9 +111,11 @@ def _joint(one: Drift, apart: Mapping[str, str], reports: Mapping[str, str]) -> 
     }
     if one.onset is not None and one.interval is not None and one.named:
         about["o"] = [_day(one.onset), _day(one.interval[0]), _day(one.interval[1])]
+    if history.name in silent:
+        about["z"] = silent[history.name]
     if history.name in apart:
         about["a"] = apart[history.name]
-    if one.named or history.name in apart:
+    if one.named or history.name in apart or history.name in silent:
         about["p"] = visible(history.path[-1]) if len(history.path) else ""
     if history.name in reports:
         about["h"] = reports[history.name]

@@ -103,7 +103,7 @@ class Population:
         return [one for one in self.members if one.type == type]
 
     def model(self, type: str = "") -> FrictionModel:
-        """Return the mean robot of a type; the standard errors are the spread between robots."""
+        """Return the mean robot of a type; standard errors and covariance are the spread between robots."""
         members = self.of(type)
         return _model(members, [np.array(one.mean) for one in members])
 
@@ -160,12 +160,15 @@ def _model(members: list[Member], logarithms: list[np.ndarray]) -> FrictionModel
     from backdrive.laws import CoulombViscous, Law
     from backdrive.logs.joint import Joint
     from backdrive.model import FrictionModel, JointFriction
+    from backdrive.model.covariance import Covariance
     from backdrive.model.joint_friction import Validity
 
     joints = []
     for one, logarithm in zip(members, logarithms, strict=True):
         constant, viscous = (float(x) for x in np.exp(logarithm))
-        spread = np.sqrt(np.diag(np.array(one.between))) * [constant, viscous]
+        scale = np.diag([constant, viscous])
+        between = scale @ np.array(one.between) @ scale
+        spread = np.sqrt(np.diag(between))
         rate = CoulombViscous(
             coulomb_positive=constant,
             coulomb_negative=constant,
@@ -173,6 +176,7 @@ def _model(members: list[Member], logarithms: list[np.ndarray]) -> FrictionModel
             viscous_negative=viscous,
         )
         names = {"coulomb": spread[0], "viscous": spread[1]}
+        rows = [f"{name}_{way}" for way in ("positive", "negative") for name in names]
         joints.append(
             JointFriction(
                 joint=Joint(name=one.joint, unit=one.unit),  # type: ignore[arg-type]
@@ -180,6 +184,7 @@ def _model(members: list[Member], logarithms: list[np.ndarray]) -> FrictionModel
                 standard_errors={
                     f"{n}_{way}": float(v) for n, v in names.items() for way in ("positive", "negative")
                 },
+                covariance=Covariance.of(rows, np.tile(between, (2, 2))),  # both directions are the same
                 validity=Validity(velocity=(-one.top_speed, one.top_speed)),
                 method=f"population of {one.robots} robots",
             )

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from time import monotonic
 from typing import Any
 
 from backdrive.errors import BackdriveError, InvalidInput, WriteError, require
 from backdrive.fleet import cluster as clusters
+from backdrive.fleet.batches import LOGS, Batch, batch_of, cut
+from backdrive.fleet.pending import check_options, pending_logs
 from backdrive.fleet.renames import recognise_renames
-from backdrive.fleet.sources import LogEntry, list_logs, require_fleet
-from backdrive.fleet.store import Store, write_rows
-from backdrive.fleet.work import Batch, do_batch, failure, tag_of
+from backdrive.fleet.sources import list_logs, require_fleet
+from backdrive.fleet.store import Store, check_folder, write_rows
+from backdrive.fleet.tally import Tally
+from backdrive.fleet.work import do_batch, failure, tag_of
 
-BYTES = 8 << 20  # of logs in a batch, about a second and a half of work [B]
-LOGS = 64  # in a batch at most
 IN_FLIGHT = 4  # batches in flight: so many per worker, and as many more
 NOBODY = clusters.Credentials()
 
@@ -46,38 +46,6 @@ class Outcome:
     sentences: tuple[str, ...] = ()
 
 
-@dataclass
-class Tally:
-    """The progress so far, for a progress line."""
-
-    total: int
-    done: int = 0
-    failed: int = 0
-    work: float = 0.0
-    begun: float = field(default_factory=monotonic)
-
-    def add(self, done: int, failed: int, seconds: float = 0.0) -> None:
-        """Count a batch."""
-        self.done, self.failed, self.work = self.done + done, self.failed + failed, self.work + seconds
-
-    def __str__(self) -> str:
-        passed = max(monotonic() - self.begun, 1e-9)
-        rate = self.done / passed
-        left = (self.total - self.done) / rate if rate > 0 else float("inf")
-        time = "" if left == float("inf") else f", {rate:.3g} logs/s, {_duration(left)} left"
-        return f"{self.done} of {self.total} logs{time}" + (f", {self.failed} failed" if self.failed else "")
-
-
-def _duration(seconds: float) -> str:
-    return (
-        f"{seconds:.0f} s"
-        if seconds < 100
-        else f"{seconds / 60:.0f} min"
-        if seconds < 6000
-        else f"{seconds / 3600:.1f} h"
-    )
-
-
 def run_fleet(  # noqa: PLR0913  (its options are given by keyword)
     source: str | os.PathLike | Sequence[str | os.PathLike],
     output: str | os.PathLike,
@@ -91,6 +59,7 @@ def run_fleet(  # noqa: PLR0913  (its options are given by keyword)
     shard: tuple[int, int] = (1, 1),
     batch: int = LOGS,
     retry: bool = False,
+    again: Sequence[str] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Outcome:
     """Identify every log of a fleet that is not done yet.
@@ -107,6 +76,7 @@ def run_fleet(  # noqa: PLR0913  (its options are given by keyword)
         shard: i of n: only this part of the logs, for job arrays.
         batch: largest number of logs in one task.
         retry: try again the logs that failed.
+        again: robots whose logs are identified again.
         progress: called with a sentence now and then.
 
     Raises:
@@ -123,24 +93,27 @@ def run_fleet(  # noqa: PLR0913  (its options are given by keyword)
     if cluster is not None:
         clusters.check_address(cluster, insecure=insecure)
     options = {"reading": dict(reading or {}), "identification": dict(identification or {})}
+    check_folder(output)
+    check_options(options["identification"])
     say("Listing the logs")
-    entries = list_logs(source, shard=shard)
+    remarks: list[str] = []
+    entries = list_logs(source, shard=shard, remarks=remarks)
     store = replace(Store.open(output, make=True), tag=tag_of(options), options=options, version=_version())
     with ExitStack() as stack:
         stack.enter_context(store.lock(shard))
         store.save()
-        sentences = store.set_aside_fragments() if count == 1 else []
-        pending = _pending(store, entries, retry)
+        plan = pending_logs(store, entries, retry=retry, again=again)
+        sentences = [*remarks, *plan.sentences]
+        pending = plan.logs
         batches = list(cut(pending, store.tag, batch))
         tally = Tally(len(pending))
         if batches:
-            say(f"{len(pending)} of {len(entries)} logs to do; starting the workers")
-            if cluster is not None:
-                client = stack.enter_context(clusters.remote_client(cluster, credentials, insecure=insecure))
-                clusters.check_workers(client, store.folder)
-            else:
-                number = workers if workers is not None else len(os.sched_getaffinity(0))
-                client = stack.enter_context(clusters.local_client(min(number, len(batches))))
+            say(f"Starting the workers for {len(pending)} logs")
+            client = stack.enter_context(
+                _client(cluster, credentials, insecure, workers, len(batches), store)
+            )
+            plan.drop_stale(store)
+            tally.start()
             _work(client, batches, options, store, tally, say)
         if count == 1:
             store, more = recognise_renames(store, entries)
@@ -156,68 +129,30 @@ def run_fleet(  # noqa: PLR0913  (its options are given by keyword)
     )
 
 
+@contextmanager
+def _client(
+    cluster: str | None,
+    credentials: clusters.Credentials,
+    insecure: bool,
+    workers: int | None,
+    batches: int,
+    store: Store,
+) -> Iterator[Any]:
+    """Connect to the scheduler that is named, or start workers here."""
+    if cluster is not None:
+        with clusters.remote_client(cluster, credentials, insecure=insecure) as client:
+            clusters.check_workers(client, store.folder)
+            yield client
+    else:
+        number = workers if workers is not None else len(os.sched_getaffinity(0))
+        with clusters.local_client(min(number, batches)) as client:
+            yield client
+
+
 def _version() -> str:
     from backdrive import __version__
 
     return __version__
-
-
-def cut(entries: Sequence[LogEntry], tag: str, most: int = LOGS) -> Iterator[Batch]:
-    """Yield batches of about equal work, each of one month. They depend on the logs only, not on the number of workers.
-
-    Args:
-        entries: in the order of their paths.
-        tag: of options and version.
-        most: logs in a batch.
-    """
-    months: dict[str, list[LogEntry]] = {}
-    for entry in entries:
-        months.setdefault(entry.day.strftime("%Y-%m"), []).append(entry)
-    for month in sorted(months):
-        part: list[LogEntry] = []
-        size = 0
-        for entry in months[month]:
-            if part and (size + entry.size > BYTES or len(part) >= most):
-                yield _batch(month, part, tag)
-                part, size = [], 0
-            part.append(entry)
-            size += entry.size
-        yield _batch(month, part, tag)
-
-
-def _batch(month: str, entries: Sequence[LogEntry], tag: str) -> Batch:
-    text = "\n".join([tag, *(f"{entry.path}\t{entry.stamp}" for entry in entries)])
-    name = hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:24]
-    return Batch(name, month, tuple(entries))
-
-
-def _pending(store: Store, entries: Sequence[LogEntry], retry: bool) -> list[LogEntry]:
-    """Return the logs without results; rows of a file that has changed since are removed."""
-    import numpy as np
-
-    stamps = {entry.path: entry.stamp for entry in entries}
-
-    def stale(table: Any) -> np.ndarray:
-        columns = [table.column(name).to_pylist() for name in ("path", "stamp", "failure")]
-        return np.array(
-            [
-                p in stamps and (stamps[p] != s or (retry and f is not None))
-                for p, s, f in zip(*columns, strict=True)
-            ],
-            dtype=bool,
-        )
-
-    known = store.raw(["path", "stamp", "failure", "tag"])
-    if stale(known).any():
-        store.drop(stale)
-        known = store.raw(["path", "stamp", "failure", "tag"])
-    done = set()
-    for path, stamp, tag in zip(
-        *(known.column(name).to_pylist() for name in ("path", "stamp", "tag")), strict=True
-    ):
-        if tag == store.tag and stamps.get(path) == stamp:
-            done.add(path)
-    return [entry for entry in entries if entry.path not in done]
 
 
 def _work(
@@ -286,7 +221,7 @@ def _again(
         raise error
     if len(batch.entries) > 1:
         for entry in batch.entries:
-            submit(_batch(batch.month, [entry], store.tag))
+            submit(batch_of(batch.month, [entry], store.tag))
         return
     entry = next(iter(batch.entries))
     killed = type(error).__name__ == "KilledWorker"

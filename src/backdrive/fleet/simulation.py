@@ -86,6 +86,8 @@ class FleetSimulation:
                 f"A fleet of {self.robots} robots with {self.joints} joints over {self.days} days.",
                 remedy="Give at least one of each.",
             )
+        if self.seed < 0:
+            raise InvalidInput(f"seed = {self.seed}.", remedy="Give 0 or a positive number.")
         if not (0.0 <= self.correlation < 1.0 and self.repeatability >= 0.0 and 0.0 <= self.season < 1.0):
             raise InvalidInput(
                 f"correlation = {self.correlation}, repeatability = {self.repeatability}, season = {self.season}.",
@@ -151,7 +153,7 @@ class FleetSimulation:
     def log(
         self, robot: int, day: int, *, seconds: float = 20.0, rate: float = 1000.0
     ) -> dict[str, np.ndarray]:
-        """Return the columns of a log: t [s] and temp [degC], (n,), q [rad] and tau [N.m], (n,) or (n, joints)."""
+        """Return the columns of a log: t [s], (n,); q [rad], tau [N.m] and temp [degC], (n,) or (n, joints)."""
         t = np.arange(round(seconds * rate)) / rate
         q, tau = np.zeros((2, t.size, self.joints))
         for joint in range(self.joints):
@@ -166,9 +168,8 @@ class FleetSimulation:
             gravity = self.payload(robot, joint, day) * np.sin(q[:, joint])
             tau[:, joint] = 0.5 * ddq + constant * np.sign(dq) + viscous * dq + gravity
             tau[:, joint] += 0.1 * place.standard_normal(t.size)
-        temperature = np.full(t.size, self.temperature[robot, day])
-        flat = self.joints == 1
-        return {"t": t, "q": q[:, 0] if flat else q, "tau": tau[:, 0] if flat else tau, "temp": temperature}
+        columns = {"q": q, "tau": tau, "temp": np.full_like(q, self.temperature[robot, day])}
+        return {"t": t} | {name: x[:, 0] if self.joints == 1 else x for name, x in columns.items()}
 
     def has_damage(self, robot: int, day: int) -> bool:
         """Return whether a robot's logs are damaged on a day."""

@@ -12,15 +12,16 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from backdrive._files import make_folder, read_whole, set_aside, write_whole
 from backdrive.errors import InvalidInput, ModelFileError, ReadError, require
-from backdrive.fleet import schema
+from backdrive.fleet import locks, schema
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -62,6 +63,7 @@ class Store:
             InvalidInput: it holds something else.
             WriteError: it cannot be made.
         """
+        check_folder(folder)
         place = Path(folder)
         head = place / HEAD
         if not head.exists():
@@ -181,18 +183,30 @@ class Store:
         import numpy as np
 
         count = 0
-        for part in self.parts():
-            table = self.read_part(part)
+
+        def keep(table: pa.Table) -> pa.Table | None:
+            nonlocal count
             gone = np.asarray(condition(table), dtype=bool)
-            if not gone.any():
-                continue
             count += int(gone.sum())
-            kept = table.filter(~gone)
-            if kept.num_rows:
-                write_whole(part, encode(kept))
+            return table.filter(~gone) if gone.any() else None
+
+        self.rewrite(keep)
+        return count
+
+    def rewrite(self, change: Callable[[pa.Table], pa.Table | None]) -> None:
+        """Replace the rows of batches, file by file, each whole; a file without rows is removed.
+
+        Args:
+            change: takes the table of a batch, returns that which replaces it, or None to keep it.
+        """
+        for part in self.parts():
+            table = change(self.read_part(part))
+            if table is None:
+                continue
+            if table.num_rows:
+                write_whole(part, encode(table))
             else:
                 part.unlink()
-        return count
 
     def forget(self, robot: str) -> int:
         """Remove a robot under all its names, and return how many rows it had.
@@ -203,6 +217,7 @@ class Store:
         import numpy as np
 
         names = {robot, *(old for old, new in self.names.items() if new == robot)}
+        self.set_aside_fragments()
         count = self.drop(
             lambda table: np.isin(table.column("robot").to_numpy(zero_copy_only=False), list(names))
         )
@@ -212,38 +227,31 @@ class Store:
             )
         return count
 
-    @contextmanager
-    def lock(self, shard: tuple[int, int] = (1, 1)) -> Iterator[None]:
+    def lock(self, shard: tuple[int, int] = (1, 1)) -> AbstractContextManager[None]:
         """Lock the folder, or a shard of it, against a second run; different shards do not exclude each other. The lock ends
         with the process.
 
         Raises:
             InvalidInput: another run holds it.
         """
-        try:
-            import fcntl
-        except ImportError:
-            yield
-            return
-        index, count = shard
-        whole = os.open(self.folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        part = os.open(self.folder / f".lock-{index}-{count}", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-        try:
-            for handle, kind in (
-                (whole, fcntl.LOCK_EX if count == 1 else fcntl.LOCK_SH),
-                (part, fcntl.LOCK_EX),
-            ):
-                try:
-                    fcntl.flock(handle, kind | fcntl.LOCK_NB)
-                except BlockingIOError as error:
-                    raise InvalidInput(
-                        f"Another run is using {self.folder}.",
-                        remedy="Wait until it ends; its results are kept.",
-                    ) from error
-            yield
-        finally:
-            os.close(part)
-            os.close(whole)
+        return locks.lock(self.folder, shard)
+
+    def editing(self) -> AbstractContextManager[None]:
+        """Wait for other shards that are changing existing files, and let no other one do so meanwhile."""
+        return locks.editing(self.folder)
+
+
+def check_folder(folder: str | os.PathLike) -> None:
+    """Refuse an address of an object store in the place of a folder.
+
+    Raises:
+        InvalidInput: it is one.
+    """
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]*:/", str(folder)):  # a `Path` makes one slash of two
+        raise InvalidInput(
+            f"{folder} is an address; results are written to a folder.",
+            remedy="Name a folder with -o, and copy it afterwards.",
+        )
 
 
 class IncompleteResults(ModelFileError):

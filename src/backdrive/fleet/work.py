@@ -7,38 +7,26 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING, Any
 
 from backdrive.errors import BackdriveError, ReadError
+from backdrive.fleet.entries import printable
 
 if TYPE_CHECKING:
-    from backdrive.fleet.sources import LogEntry
+    from backdrive.fleet.batches import Batch
+    from backdrive.fleet.entries import LogEntry
     from backdrive.identification import Identification
 
 LINE = 20  # speeds at which the line through a curve is taken
 SLOWEST = 0.05  # lower end of these speeds, as a share of the top speed [-]
 UNREAD = "unread:"  # in the place of a digest, before the path of a log without one
 MOST_TEXT = 2000  # of a message or a warning [characters]
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Logs of one month that one task processes.
-
-    Attributes:
-        name: of its file, the same for the same logs and options.
-        month: of the logs, such as `2026-03`.
-        entries: the logs.
-    """
-
-    name: str
-    month: str
-    entries: tuple[LogEntry, ...]
 
 
 def tag_of(options: Mapping[str, Any]) -> str:
@@ -81,9 +69,13 @@ def do_batch(batch: Batch, options: Mapping[str, Any], folder: str) -> dict[str,
 
 def do_log(entry: LogEntry, options: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the rows of a log: one for each joint, or one with the reason of the failure."""
+    if entry.fault:
+        return [
+            failure(entry, "ReadError", entry.fault, "Check the file, or correct the line of the manifest.")
+        ]
     digest = ""
     try:
-        with local_copy(entry) as path, warnings.catch_warnings():
+        with local_copy(entry.place) as path, warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
                 result = _identify_log(path, options)
@@ -109,27 +101,45 @@ def failure(entry: LogEntry, kind: str, message: str, remedy: str = "", digest: 
     return _about(entry, digest or UNREAD + entry.path) | {
         "joint": "",
         "failure": kind,
-        "message": message.replace(str(Path(entry.path)), Path(entry.path).name)[:MOST_TEXT],
-        "remedy": remedy[:MOST_TEXT],
+        "message": plain(message, entry)[:MOST_TEXT],
+        "remedy": plain(remedy, entry)[:MOST_TEXT],
     }
+
+
+def plain(message: str, entry: LogEntry) -> str:
+    """Return a message that is the same wherever the log was read: only the file's name, without its folder or that of a
+    local copy.
+    """
+    import tempfile
+
+    name = Path(entry.place).name
+    message = message if entry.fault else message.replace(str(Path(entry.place)), name)
+    copies = f"{re.escape(tempfile.gettempdir())}/backdrive-[^/\\s]+/"
+    return printable(re.sub(copies, "", message))
 
 
 def _about(entry: LogEntry, digest: str) -> dict[str, Any]:
     from backdrive import __version__
 
-    return asdict(entry) | {"digest": digest, "version": __version__}
+    columns = asdict(entry)
+    del columns["fault"], columns["file"]
+    return columns | {"digest": digest, "version": __version__}
 
 
 @contextlib.contextmanager
-def local_copy(entry: LogEntry) -> Iterator[str]:
-    """Yield the path of a log on this machine."""
-    if "://" not in entry.path:
-        yield entry.path
+def local_copy(place: str) -> Iterator[str]:
+    """Yield the path of a log on this machine.
+
+    Args:
+        place: its path, or its address in an object store.
+    """
+    if "://" not in place:
+        yield place
         return
     from backdrive.fleet.objects import fetch
     from backdrive.logs.readers.limits import Limits
 
-    with fetch(entry.path, Limits().max_file_bytes) as copy:
+    with fetch(place, Limits().max_file_bytes) as copy:
         yield str(copy)
 
 
@@ -141,7 +151,7 @@ def check_for_changes(entry: LogEntry) -> None:
     """
     if "://" in entry.path:
         return
-    state = os.stat(entry.path)
+    state = os.stat(entry.place)
     if f"{state.st_size}:{state.st_mtime_ns}" != entry.stamp:
         raise ReadError(f"{entry.path} changed while it was read.", remedy="Run again when it is written.")
 
@@ -223,7 +233,7 @@ def row_of(result: Identification, number: int, entry: LogEntry) -> dict[str, An
         "rms": _number(quality.rms) if quality else None,
         "grade": friction.verdict.grade if friction.verdict else "unknown",
         "verdict": friction.verdict.text[:MOST_TEXT] if friction.verdict else "",
-        "warnings": [sentence[:MOST_TEXT] for sentence in dict.fromkeys(said)],
+        "warnings": [plain(sentence, entry)[:MOST_TEXT] for sentence in dict.fromkeys(said)],
     }
 
 
