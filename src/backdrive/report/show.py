@@ -21,6 +21,7 @@ from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report import page
+from backdrive.report.alike import merged
 from backdrive.report.pictures import canvas
 from backdrive.report.pictures.curve import curves
 from backdrive.report.pictures.force import draw_force
@@ -169,8 +170,7 @@ def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
         return "-"
     speed, pairs = speeds[min(which, len(speeds) - 1)]
     unit = canvas.pretty_unit(friction.joint.torque_unit)
-    if len(pairs) == 2 and np.isclose(*(abs(f) for f, _ in pairs), rtol=1e-9):
-        pairs = [max(pairs, key=lambda pair: pair[1])]
+    pairs = merged(pairs)
     signed = len(pairs) == 2
     values = [with_error(f if signed else abs(f), s, signed=signed) for f, s in pairs]
     return "\n".join([*values, f"{unit} at {speed:.3g} {friction.joint.unit}/s"])
@@ -202,7 +202,7 @@ def _some(sentences: Sequence[str]) -> list[str]:
 
 def _laws(model: FrictionModel) -> str:
     """Return the laws of a model's joints in a sentence."""
-    names = list(dict.fromkeys(law_name(f.law.name) for f in model.joints))
+    names = list(dict.fromkeys(law_name(f.law.name, f.law.rate) for f in model.joints))
     return f"Law: {'; '.join(names)}."
 
 
