@@ -24,7 +24,7 @@ from backdrive.report import page
 from backdrive.report.alike import merged
 from backdrive.report.pictures import canvas
 from backdrive.report.pictures.curve import curves
-from backdrive.report.pictures.force import draw_force
+from backdrive.report.pictures.force import LEGEND, draw_force, force_legend
 from backdrive.report.pictures.model_curve import model_curve
 from backdrive.report.pictures.tuning import safe_region
 from backdrive.report.words import count_of, esc, law_name, percent, plain, prose, quantity, with_error
@@ -301,12 +301,15 @@ def _of_force(estimate: ForceEstimate) -> Face:
 
 def _force_figure(estimate: ForceEstimate, theme: canvas.Theme) -> Any:
     n, height = len(estimate.joints), canvas.HEIGHT
-    width = 2.0 * canvas.WIDTH
-    figure = canvas.new_figure(theme, width, n * height)
+    width, titled = 2.0 * canvas.WIDTH, len(estimate.joints) > 1
+    figure = canvas.new_figure(theme, width, n * height + LEGEND)
     for i, one in enumerate(estimate.joints):
-        box = (50.0, (n - 1 - i) * height + 40.0, width - 66.0, height - 70.0)
-        axes = canvas.axes_of(figure, theme, box)
+        bottom = (n - 1 - i) * height
+        axes = canvas.axes_of(figure, theme, (50.0, bottom + 40.0, width - 66.0, height - 70.0))
         draw_force(axes, theme, one, [c for c in estimate.contacts or () if one.joint.name in c.joints])
+        if titled:
+            axes.set_title(plain(one.joint.name), loc="right", color=theme.ink, pad=8, parse_math=False)
+    force_legend(figure, theme, estimate)
     return figure
 
 
