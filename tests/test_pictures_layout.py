@@ -94,6 +94,20 @@ def test_the_safe_region_names_its_symbols_in_words():
         assert words in texts(figure)
 
 
+def test_the_energy_of_a_compensator_stays_within_its_axes():
+    sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+    import passivity_figure
+
+    figure = passivity_figure.draw()
+    with canvas.house_style():
+        assert faults_of(figure) == []
+    for axes in figure.axes:
+        low, high = axes.get_ylim()
+        drawn = np.concatenate([line.get_ydata() for line in axes.get_lines()])
+        assert low <= drawn.min() < drawn.max() <= high
+    assert "largest torque of the compensator" in texts(figure)
+
+
 @pytest.mark.parametrize("name", ["stribeck-gauss+lugre", "m5", "polyline"])
 def test_signatures_of_laws(name):
     from backdrive.laws.examples import example as law_of
