@@ -11,7 +11,7 @@ import pytest
 from _example_identification import curve_of, example
 from backdrive.laws import CoulombViscous, Law, Polyline
 from backdrive.report import render
-from backdrive.report.alike import is_alike, merged
+from backdrive.report.alike import both_ways, is_alike
 from backdrive.report.entries import bounds, entries
 from backdrive.report.pictures.directions import alike
 from backdrive.report.terminal import joint_tables
@@ -68,10 +68,10 @@ def test_one_parameter_of_two_may_be_alike():
 
 
 def test_an_unknown_error_stays_unknown():
-    assert merged([(2.0, 0.1), (-2.0, 0.3)]) == [(2.0, 0.3)]
-    assert math.isnan(merged([(2.0, math.nan), (-2.0, 0.3)])[0][1])
-    assert merged([(2.0, 0.1), (-2.1, 0.3)]) == [(2.0, 0.1), (-2.1, 0.3)]
-    assert merged([(2.0, 0.1)]) == [(2.0, 0.1)]
+    assert both_ways([(2.0, 0.1), (-2.0, 0.3)]) == [(2.0, 0.3)]
+    assert math.isnan(both_ways([(2.0, math.nan), (-2.0, 0.3)])[0][1])
+    assert both_ways([(2.0, 0.1), (-2.1, 0.3)]) == [(2.0, 0.1), (-2.1, 0.3)]
+    assert both_ways([(2.0, 0.1)]) == [(2.0, 0.1)]
 
 
 def test_curves_that_reach_differently_far_are_two_lines():

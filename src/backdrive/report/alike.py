@@ -35,7 +35,7 @@ def is_alike(rate: Any) -> bool:
     )
 
 
-def merged(pairs: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def both_ways(pairs: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return one magnitude with the larger error where both directions are equal; otherwise the pairs as they are.
 
     Args:

@@ -11,7 +11,7 @@ import numpy as np
 from backdrive.identification.quality import FAIR, GOOD, grade
 from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
-from backdrive.report.alike import ALIKE, merged
+from backdrive.report.alike import ALIKE, both_ways
 from backdrive.report.joint import chip, table, warnings_box
 from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.pictures.sizes import readable
@@ -120,7 +120,7 @@ def summary(result: Identification) -> str:
         factor, unit = readable(largest, pretty_unit(friction.joint.torque_unit))
         cells = []
         for label, (speed, pairs) in zip(("Friction, low speed", "Friction, top speed"), seen, strict=False):
-            one = merged(pairs)
+            one = both_ways(pairs)
             both = len(one) < len(pairs)
             lines = "<br>".join(
                 f'<span class="n">{with_error(factor * f, factor * s, signed=not both)}</span>'

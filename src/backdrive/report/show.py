@@ -21,7 +21,7 @@ from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report import page
-from backdrive.report.alike import merged
+from backdrive.report.alike import both_ways
 from backdrive.report.pictures import canvas
 from backdrive.report.pictures.curve import curves
 from backdrive.report.pictures.force import LEGEND, draw_force, force_legend
@@ -170,7 +170,7 @@ def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
         return "-"
     speed, pairs = speeds[min(which, len(speeds) - 1)]
     unit = canvas.pretty_unit(friction.joint.torque_unit)
-    pairs = merged(pairs)
+    pairs = both_ways(pairs)
     signed = len(pairs) == 2
     values = [with_error(f if signed else abs(f), s, signed=signed) for f, s in pairs]
     return "\n".join([*values, f"{unit} at {speed:.3g} {friction.joint.unit}/s"])
