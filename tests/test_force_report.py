@@ -227,3 +227,20 @@ def test_creeping_starting_and_stopping_count_as_reversing():
     assert (creeping == 2).sum() == (plain == 2).sum() > 1000
     first = 500 + np.flatnonzero(creeping[500:] != 2)[0]
     assert np.all(creeping[first : first + 40] == 1)
+
+
+def test_the_picture_explains_band_rest_and_contact_in_one_legend():
+    from matplotlib.text import Text
+
+    from backdrive.report import show
+
+    two = replace(estimate(), joints=(estimate().joints[0], estimate("wrist", known=False).joints[0]))
+    figure = show.picture(two)
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert labels == ["estimated", "95 % band", "known", "at rest", "contact"]
+    written = [text.get_text() for text in figure.findobj(Text)]
+    assert written.count("external torque [N·m]") == 2
+    assert {"elbow", "wrist"} <= set(written)
+    plain = show.picture(replace(estimate(known=False), contacts=None))
+    assert "contact" not in [text.get_text() for text in plain.legends[0].get_texts()]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from _example_identification import example
-from backdrive.plans import Sweep
+from backdrive.plans import ArmPlan, InTurn, Multisine, Sweep, TorqueRamp
+from backdrive.plans.limits import JointLimits
 from backdrive.report import render
 from backdrive.report.pictures import canvas
 from backdrive.report.pictures.curve import curves
@@ -37,13 +39,73 @@ def test_curves_of_all_joints_in_both_themes():
             assert faults_of(figure) == []
 
 
-def test_a_plan():
-    from backdrive.report.pictures.plan import picture
+def texts(figure):
+    from matplotlib.text import Text
 
-    with figures_made() as made:
-        picture(Sweep(0.35, 2.0, cycles=6), "svg")
+    return " | ".join(text.get_text() for text in figure.findobj(Text))
+
+
+def arm():
+    sine, cosine = ((0.3, 0.1), (0.0, 0.2)), ((0.1, 0.0), (0.2, -0.1))
+    return ArmPlan(
+        ("a", "b"), ("rad", "rad"), (0.2, -0.3), sine, cosine, 6.0, periods=3, slow_time=4.0, ramp=1.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("plan", "shaded"),
+    [
+        (Sweep(0.35, 2.0, cycles=6), "every other cycle"),
+        (TorqueRamp(8.0, 2.0), "every other rise or fall"),
+        (
+            InTurn((Sweep(0.35, 2.0, cycles=6, joint="a"), Multisine(0.3, 0.1, 2.0, 10.0, joint="b"))),
+            "every other cycle or period",
+        ),
+        (arm(), "at full pace, then slowly"),
+    ],
+)
+def test_a_plan_names_its_axes_and_its_shaded_windows(plan, shaded):
+    from backdrive.report.pictures.plan import plan_figure
+
+    limits = {n: JointLimits(name=n, lower=-0.2, upper=0.2, velocity=2.5, effort=9.0) for n in ("a", "joint")}
+    figure = plan_figure(plan, limits)
     with canvas.house_style():
-        assert [fault for figure in made for fault in faults_of(figure)] == []
+        assert faults_of(figure) == []
+    assert shaded in texts(figure)
+    assert any(
+        name in texts(figure) for name in ("position q [rad]", "torque τ [N·m]", "positions of 2 joints")
+    )
+
+
+def test_the_safe_region_names_its_symbols_in_words():
+    from backdrive.report.pictures.tuning import safe_region
+
+    region = {
+        "springs": [0.2, 0.6, 1.0], "shares": [0.6, 0.8, 1.0], "by_share": np.ones((3, 3)),
+        "decays": [2.0, 20.0, 200.0], "delays": [0.0, 1e-3, 2e-3], "by_delay": 20.0 * np.ones((3, 3)),
+        "stiffness_interval": [0.8, 1.2], "largest_share": 0.9, "chosen": [0.7, 0.7, 5.6, 1e-3],
+        "thesis": [1.0, 2.5, 20.0, 1e-3],
+    }  # fmt: skip
+    for theme in (canvas.LIGHT, canvas.DARK):
+        with canvas.house_style():
+            figure = safe_region(SimpleNamespace(region=region, joint="j1"), theme)
+            assert faults_of(figure) == []
+    for words in ("share of friction R", "stiffness K over that of the contact, K_c", "decay rate α [1/s]"):
+        assert words in texts(figure)
+
+
+def test_the_energy_of_a_compensator_stays_within_its_axes():
+    sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+    import passivity_figure
+
+    figure = passivity_figure.draw()
+    with canvas.house_style():
+        assert faults_of(figure) == []
+    for axes in figure.axes:
+        low, high = axes.get_ylim()
+        drawn = np.concatenate([line.get_ydata() for line in axes.get_lines()])
+        assert low <= drawn.min() < drawn.max() <= high
+    assert "largest torque of the compensator" in texts(figure)
 
 
 @pytest.mark.parametrize("name", ["stribeck-gauss+lugre", "m5", "polyline"])

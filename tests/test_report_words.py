@@ -7,8 +7,9 @@ import re
 
 import pytest
 
+from backdrive.report.entries import bounds
 from backdrive.report.sheet import CSS
-from backdrive.report.words import bounds, esc, number, prose, quantity, sentence, symbol, with_error
+from backdrive.report.words import esc, number, prose, quantity, sentence, symbol, with_error
 
 
 def luminance(colour):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,9 @@ def pictures(judge: Judge, place: Path, short: bool, plant: bool) -> None:
     from backdrive.report.pictures.tuning import safe_region
     from backdrive.simulation.hand_demo import simulate_hand
     from backdrive.simulation.machines import machine
+
+    sys.path.append(str(Path(__file__).parents[1]))
+    import passivity_figure
 
     plant_of = machine("joint_1").replace(torque_noise=1.0)
     plan = Sweep(0.35, 2.0, cycles=6)
@@ -58,6 +62,7 @@ def pictures(judge: Judge, place: Path, short: bool, plant: bool) -> None:
         "safe region": lambda: safe_region(tuning),
         "hand": lambda: hand_section(simulate_hand("joint_1", friction, plant_of.inertia, 0)),
         "laws": laws,
+        "passivity": passivity_figure.draw,
     }
     if (root := os.environ.get("BACKDRIVE_DATA")) and (emps := Path(root, "emps", "DATA_EMPS.mat")).exists():
         real = identify(read_log(emps, map="t=t,q=qm,tau=35.15*vir"))

@@ -133,7 +133,12 @@ def enlargement(friction: JointFriction, evidence: JointEvidence, truth: Curve |
     label = f"Magnitude of friction against speed, both directions, joint {friction.joint.name}"
     picture, dotted = drawing(prefix, label, draw)
     both = np.any(evidence.curve.velocity < 0) and np.any(evidence.curve.velocity > 0)
-    caption = "The same curve enlarged" + (", its two directions over one another." if both else ".")
+    words = (
+        "its two directions coincide"
+        if directions.alike(evidence.curve)
+        else "its two directions over one another"
+    )
+    caption = f"The same curve enlarged, {words}." if both else "The same curve enlarged."
     return figure(
         picture,
         (key("forth", f"{dotted}, +q and \u2212q") if dotted else "") + f"<br>{caption}",

@@ -6,17 +6,19 @@ from itertools import zip_longest
 from typing import Any
 
 from backdrive.identification.dynamic.choice import Choice
+from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, JointEvidence
+from backdrive.laws import Rigid
 from backdrive.model import JointFriction, Quality
 from backdrive.report import figures
+from backdrive.report.alike import ALIKE
+from backdrive.report.entries import FREE, Entry, entries
 from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.words import (
     NOTHING,
-    Entry,
     count_of,
     dynamics,
-    entries,
     esc,
     law_name,
     number,
@@ -75,7 +77,11 @@ def joint_section(
     left += figures.friction_curve(friction, evidence, truth, f"{prefix}-curve")
     left += figures.enlargement(friction, evidence, truth, f"{prefix}-two")
     right = (
-        _quality(friction) + _laws(choice) + _parameters(friction) + _dynamics(friction) + _validity(friction)
+        _quality(friction)
+        + _laws(choice, friction)
+        + _parameters(friction)
+        + _dynamics(friction)
+        + _validity(friction)
     )
     if evidence.presliding is not None and len(evidence.presliding):
         right += figures.presliding(friction, evidence.presliding, f"{prefix}-pre")
@@ -112,7 +118,7 @@ def _quality(friction: JointFriction) -> str:
     return f"<div>{table('How well it explains torque', ['', 'Fitted', 'Held out'], rows)}{note}</div>"
 
 
-def _laws(choice: Choice | None) -> str:
+def _laws(choice: Choice | None, friction: JointFriction) -> str:
     """Return a table of the candidate laws with their errors on fitted and on held-out data; the selected law is in bold."""
     if choice is None:
         return ""
@@ -129,8 +135,25 @@ def _laws(choice: Choice | None) -> str:
             ]
         )
     why = f'<p class="muted"><small>{esc(prose(choice.reason))}</small></p>'
-    head = ["Law", "Held out, RMS", "Fitted, RMS", "Parameters"]
-    return f"<div>{table('Candidate laws, the selected one in bold', head, rows)}{why}</div>"
+    head = ["Law", "Compared, held out", "Compared, fitted", "Parameters"]
+    note = f'<p class="muted"><small>{_measures(choice, friction)}</small></p>'
+    return f"<div>{table('Candidate laws, the selected one in bold', head, rows)}{why}{note}</div>"
+
+
+def _measures(choice: Choice, friction: JointFriction) -> str:
+    """Return what the errors of the candidate laws measure, and how those of the result differ."""
+    if choice.unit != friction.joint.torque_unit:
+        return (
+            "Compared: RMS of the simulated motion under the drive, of fits that had not seen what was held out. "
+            "\u201cRMS, raw\u201d above: torque by the selected law."
+        )
+    presliding = any(LawShape.from_name(law.name).element is not Rigid for law in choice.candidates)
+    where = "" if presliding else " (held out: sliding alone)"
+    return (
+        f"Compared: RMS, rests and reversals included{where}, of fits that had not seen what was held out; every "
+        "held-out window counts alike. \u201cRMS, raw\u201d above: all samples of the selected law, or sliding alone if "
+        "it was fitted to sliding alone."
+    )
 
 
 def _thousands(count: float) -> str:
@@ -149,7 +172,7 @@ def _parameters(friction: JointFriction) -> str:
     ]
     element = friction.law.element.NAME
     carried = "" if element == "none" else f", carried by {element}"
-    law = f"Law: {esc(law_name(friction.law.rate.NAME))}{esc(carried)}"
+    law = f"Law: {esc(law_name(friction.law.rate.NAME, friction.law.rate))}{esc(carried)}"
     top = f'<div class="caption">{law}</div>'
     if rows:
         top = table(law, ["Parameter", "Value ± standard error", "Bounds"], rows)
@@ -175,10 +198,12 @@ def _knots(friction: JointFriction) -> str:
     ]
     knots = list(zip_longest(*(each.values for each in many), fillvalue=NOTHING))
     rows = [[f'<span class="n">{value}</span>' for value in knot] for knot in knots]
-    limits = "; ".join(f"{each.name}: {each.bounds}" for each in many)
+    limits = "; ".join(f"{each.name}: {each.bounds}" for each in many if each.bounds != FREE)
+    where = f", {ALIKE}" if any(each.both for each in many) else " a direction"
+    note = f'<p class="muted"><small>Bounds: {esc(limits)}.</small></p>' if limits else ""
     return (
-        f"<details open><summary>{count_of(len(knots), 'knot')} a direction, ± standard errors</summary>"
-        f'{table("", head, rows)}<p class="muted"><small>Bounds: {esc(limits)}.</small></p></details>'
+        f"<details open><summary>{count_of(len(knots), 'knot')}{where}, ± standard errors</summary>"
+        f"{table('', head, rows)}{note}</details>"
     )
 
 

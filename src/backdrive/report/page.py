@@ -11,6 +11,7 @@ import numpy as np
 from backdrive.identification.quality import FAIR, GOOD, grade
 from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
+from backdrive.report.alike import ALIKE, both_ways
 from backdrive.report.joint import chip, table, warnings_box
 from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.pictures.sizes import readable
@@ -119,10 +120,14 @@ def summary(result: Identification) -> str:
         factor, unit = readable(largest, pretty_unit(friction.joint.torque_unit))
         cells = []
         for label, (speed, pairs) in zip(("Friction, low speed", "Friction, top speed"), seen, strict=False):
+            one = both_ways(pairs)
+            both = len(one) < len(pairs)
             lines = "<br>".join(
-                f'<span class="n">{with_error(factor * f, factor * s, signed=True)}</span>' for f, s in pairs
+                f'<span class="n">{with_error(factor * f, factor * s, signed=not both)}</span>'
+                for f, s in one
             )
             at = f'<small class="n">{unit} at {number(speed)} {friction.joint.unit}/s</small>'
+            at += f'<br><small class="n">{ALIKE}</small>' if both else ""
             cells.append(f'<td data-label="{label}">{lines or NOTHING}<br>{at}</td>')
         for label, quality in (
             ("Residual, fitted", friction.fitted),

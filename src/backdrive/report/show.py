@@ -21,9 +21,10 @@ from backdrive.identification.quality import grade
 from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report import page
+from backdrive.report.alike import both_ways
 from backdrive.report.pictures import canvas
 from backdrive.report.pictures.curve import curves
-from backdrive.report.pictures.force import draw_force
+from backdrive.report.pictures.force import LEGEND, draw_force, force_legend
 from backdrive.report.pictures.model_curve import model_curve
 from backdrive.report.pictures.tuning import safe_region
 from backdrive.report.words import count_of, esc, law_name, percent, plain, prose, quantity, with_error
@@ -169,8 +170,7 @@ def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
         return "-"
     speed, pairs = speeds[min(which, len(speeds) - 1)]
     unit = canvas.pretty_unit(friction.joint.torque_unit)
-    if len(pairs) == 2 and np.isclose(*(abs(f) for f, _ in pairs), rtol=1e-9):
-        pairs = [max(pairs, key=lambda pair: pair[1])]
+    pairs = both_ways(pairs)
     signed = len(pairs) == 2
     values = [with_error(f if signed else abs(f), s, signed=signed) for f, s in pairs]
     return "\n".join([*values, f"{unit} at {speed:.3g} {friction.joint.unit}/s"])
@@ -202,7 +202,7 @@ def _some(sentences: Sequence[str]) -> list[str]:
 
 def _laws(model: FrictionModel) -> str:
     """Return the laws of a model's joints in a sentence."""
-    names = list(dict.fromkeys(law_name(f.law.name) for f in model.joints))
+    names = list(dict.fromkeys(law_name(f.law.name, f.law.rate) for f in model.joints))
     return f"Law: {'; '.join(names)}."
 
 
@@ -301,12 +301,15 @@ def _of_force(estimate: ForceEstimate) -> Face:
 
 def _force_figure(estimate: ForceEstimate, theme: canvas.Theme) -> Any:
     n, height = len(estimate.joints), canvas.HEIGHT
-    width = 2.0 * canvas.WIDTH
-    figure = canvas.new_figure(theme, width, n * height)
+    width, titled = 2.0 * canvas.WIDTH, len(estimate.joints) > 1
+    figure = canvas.new_figure(theme, width, n * height + LEGEND)
     for i, one in enumerate(estimate.joints):
-        box = (50.0, (n - 1 - i) * height + 40.0, width - 66.0, height - 70.0)
-        axes = canvas.axes_of(figure, theme, box)
+        bottom = (n - 1 - i) * height
+        axes = canvas.axes_of(figure, theme, (50.0, bottom + 40.0, width - 66.0, height - 70.0))
         draw_force(axes, theme, one, [c for c in estimate.contacts or () if one.joint.name in c.joints])
+        if titled:
+            axes.set_title(plain(one.joint.name), loc="right", color=theme.ink, pad=8, parse_math=False)
+    force_legend(figure, theme, estimate)
     return figure
 
 

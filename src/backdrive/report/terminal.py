@@ -10,10 +10,9 @@ from typing import Any
 from backdrive._visible import visible
 from backdrive.identification.quality import grade
 from backdrive.model import FrictionModel, JointFriction
+from backdrive.report.entries import Entry, entries
 from backdrive.report.words import (
-    Entry,
     dynamics,
-    entries,
     law_name,
     number,
     percent,
@@ -36,7 +35,9 @@ def joint_tables(friction: JointFriction, *, width: int = 80, unicode: bool = Tr
     from rich.text import Text
 
     element = friction.law.element.NAME
-    law = law_name(friction.law.rate.NAME) + ("" if element == "none" else f", carried by {element}")
+    law = law_name(friction.law.rate.NAME, friction.law.rate) + (
+        "" if element == "none" else f", carried by {element}"
+    )
     title = Text()
     title.append(visible(friction.joint.name).replace("\n", " "), style="bold")
     title.append(

@@ -5,12 +5,13 @@ from __future__ import annotations
 import html
 import math
 import re
-from typing import NamedTuple
+from typing import Any
 
 from backdrive.errors import BackdriveError
 from backdrive.laws import rate_law
 from backdrive.laws.direction import plain as without_direction
 from backdrive.model import Estimate, JointFriction
+from backdrive.report.alike import ALIKE, is_alike
 from backdrive.report.pictures.canvas import pretty_unit
 from backdrive.report.pictures.sizes import readable
 
@@ -138,15 +139,6 @@ def percent(x: float | None) -> str:
     return NOTHING if x is None or not math.isfinite(x) else f"{number(x)} %"
 
 
-def bounds(lower: float, upper: float) -> str:
-    """Return a parameter's range in words."""
-    if math.isfinite(lower) and math.isfinite(upper):
-        return f"{number(lower)} … {number(upper)}"
-    if math.isfinite(lower):
-        return f"≥ {number(lower)}"
-    return f"≤ {number(upper)}" if math.isfinite(upper) else "free"
-
-
 def term(name: str) -> str:
     """Return a dynamics term or a parameter in words."""
     if without_direction(name) != name:
@@ -163,60 +155,25 @@ def dynamics(friction: JointFriction) -> list[tuple[str, Estimate]]:
     )
 
 
-class Entry(NamedTuple):
-    """A parameter of a law, ready for a table.
+def law_name(name: str, rate: Any = None) -> str:
+    """Return a rate law in words.
 
-    Attributes:
-        name: in words.
-        symbol: of the papers.
-        unit: SI, as a model file writes it.
-        bounds: its range in words.
-        at_bound: the estimate lies at one of them.
-        values: with their standard errors; one, or one a knot.
+    Args:
+        name: of the law.
+        rate: with its numbers, to say where both directions are alike.
     """
-
-    name: str
-    symbol: str
-    unit: str
-    bounds: str
-    at_bound: bool
-    values: list[str]
-
-
-def entries(friction: JointFriction, *, knots: bool) -> list[Entry]:
-    """Return the parameters of a joint's law: those that are one number, or those with one a knot."""
-    result = []
-    for part in friction.law.parts:
-        for name, parameter in part.PARAMETERS.items():
-            if parameter.many != knots:
-                continue
-            value, error = getattr(part, name), friction.standard_errors.get(name)
-            values = value if knots else (value,)
-            given = error if isinstance(error, (list, tuple)) else (None if knots else error,)
-            errors = [*given, *[None] * len(values)]
-            result.append(
-                Entry(
-                    name=term(name),
-                    symbol=parameter.symbol,
-                    unit=parameter.unit_for(friction.joint.unit),
-                    bounds=bounds(parameter.lower, parameter.upper),
-                    at_bound=name in friction.at_bound,
-                    values=[with_error(*pair) for pair in zip(values, errors, strict=False)],
-                )
-            )
-    return result
-
-
-def law_name(name: str) -> str:
-    """Return a rate law in words."""
     try:
-        return rate_law(name).WORDS or name
+        words = rate_law(name).WORDS or name
     except BackdriveError:
         return name
+    by = ", by direction"
+    return f"{words.removesuffix(by)}, {ALIKE}" if words.endswith(by) and is_alike(rate) else words
 
 
 def symbol(text: str) -> str:
-    """Return a symbol of the papers as HTML: `sigma_p` becomes a sigma with a subscript."""
+    """Return a symbol of the papers as HTML: `sigma_p` becomes a sigma with a subscript; `F_p = F_n` stays an equation."""
+    if " = " in text:
+        return " = ".join(symbol(one) for one in text.split(" = "))
     text, _, way = text.partition("^")
     head, _, tail = text.partition("_")
     head = _GREEK.get(head, head)

@@ -25,6 +25,9 @@ MEANINGS = {
     "algFE2": "estimator by the decaying contact whose rate switches, (4.20)",
     "GMS": "generalised Maxwell slip",
     "DOB": "disturbance observer",
+    "K_c": "stiffness of the transmission (K: of the compensator)",
+    "F_p": "friction along +q",
+    "F_n": "friction along \u2212q",
 }
 STARS = "Brackets: test of means against PD; *** p < 0.1 %, ** p < 1 %, * p < 5 %, ns not significant."
 TIERS = "Members of a tier are ties with its first. Costs are on a scale of ratios."

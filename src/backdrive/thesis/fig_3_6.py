@@ -24,6 +24,7 @@ FREQUENCY = 15.0  # of the dither [Hz]
 SHARE = 1.0  # R_d of the thesis on Setup A
 SUBSTEP = 2e-5  # of the integration [s]
 WANTED = 2.0  # counts in each direction
+TITLES = {"K_c = 2K": "twice as stiff: K_c = 2K", "F_n = F_p": "equal friction: F_n = F_p"}
 
 
 def wave(plant: JointSimulation, time: np.ndarray) -> np.ndarray:
@@ -191,10 +192,11 @@ def draw(outcome: Outcome) -> Any:
                 linewidth=1.3,
                 label="encoder",
             )
-            own.name(column[0], label)
+            own.name(column[0], TITLES.get(label, label))
             own.name(column[1], "", "time [s]")
             column[1].set_yticks(np.arange(-3, 4))
-        own.name(axes[0, 0], next(iter(outcome.data)), "", "dither [N]")
+        first = next(iter(outcome.data))
+        own.name(axes[0, 0], TITLES.get(first, first), "", "dither [N]")
         own.name(axes[1, 0], "", "time [s]", "displacement [counts of 5 µm]")
         axes[0, 0].set_xlim(0.0, 0.5)
         own.key(axes[1, 0], "upper right", 2)

@@ -12,6 +12,8 @@ from backdrive.report.pictures import canvas, sizes
 from backdrive.report.pictures.canvas import Theme
 from backdrive.report.pictures.curve import SIGMAS
 
+ALIKE = 1e-3  # largest relative difference of directions that are drawn as one line: less than its width [-]
+REACH = 0.9  # least share of the speeds of one direction that the other reaches, to be drawn so [-]
 SIDES = ((1.0, "+q"), (-1.0, "\u2212q"))
 
 
@@ -38,7 +40,7 @@ def draw_directions(
     samples: Samples | None = None,
     truth: Curve | None = None,
 ) -> str:
-    """Draw the magnitude of friction against speed, one line a direction.
+    """Draw the magnitude of friction against speed, one line a direction, or one for both where they are alike.
 
     Args:
         axes: matplotlib axes.
@@ -54,6 +56,7 @@ def draw_directions(
     v_factor, v_unit = sizes.readable(sizes.largest(curve.velocity), f"{joint.unit}/s")
     f_factor, f_unit = sizes.readable(sizes.largest(curve.torque), canvas.pretty_unit(joint.torque_unit))
     seen, middles, ends, dotted = [], [], [], ""
+    same = alike(curve)
     for sign, label in SIDES:
         speed, torque, error = _one_way(curve, sign)
         if not speed.size:
@@ -62,10 +65,11 @@ def draw_directions(
         seen += [torque - np.minimum(spread, torque.max()), torque + np.minimum(spread, torque.max())]
         forward = sign > 0
         v, f, s = speed * v_factor, torque * f_factor, spread * f_factor
-        if np.any(s > 0):
-            axes.fill_between(v, f - s, f + s, color=theme.band, alpha=0.3, linewidth=0, zorder=2)
-        axes.plot(v, f, color=theme.ink if forward else theme.muted, linewidth=1.7, zorder=4)
-        ends.append((f[-1], label, theme.ink if forward else theme.muted))
+        if forward or not same:
+            if np.any(s > 0):
+                axes.fill_between(v, f - s, f + s, color=theme.band, alpha=0.3, linewidth=0, zorder=2)
+            axes.plot(v, f, color=theme.ink if forward else theme.muted, linewidth=1.7, zorder=4)
+            ends += [] if same else [(f[-1], label, theme.ink if forward else theme.muted)]
         if samples is not None:
             every_v, every_f = _branch(samples, sign)
             middle_v, middle_f = medians(every_v, every_f)
@@ -100,6 +104,16 @@ def draw_directions(
     axes.set_xlim(-0.02 * top, 1.09 * top)
     canvas.name_axes(axes, theme, x=f"speed [{v_unit}]", y=f"friction, magnitude [{f_unit}]")
     return dotted
+
+
+def alike(curve: Curve) -> bool:
+    """Return whether friction has the same magnitude in both directions, over nearly the same speeds."""
+    (there, one, _), (back, other, _) = (_one_way(curve, sign) for sign, _ in SIDES)
+    if not (there.size and back.size and min(there[-1], back[-1]) > REACH * max(there[-1], back[-1])):
+        return False
+    near = np.interp(there, back, other)
+    inside = (there >= back[0]) & (there <= back[-1])
+    return bool(inside.any()) and np.allclose(one[inside], near[inside], rtol=ALIKE, atol=0.0)
 
 
 def _one_way(curve: Curve, sign: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from backdrive.report.pictures import canvas, sizes
 from backdrive.report.pictures.canvas import LIGHT, Theme
 
 WIDTH, HEIGHT = 640, 190  # of a joint [pt]
+LEGEND = 16.0  # its height at the top [pt]
 BINS = 500  # of time, of which each shows its extremes
 EPOCH = 1e5  # instants beyond are drawn from the first one on [s]
 MARGIN = 0.03  # to the right, by the duration [-]
@@ -30,13 +31,14 @@ def save_force(path: str | Path, estimate: ForceEstimate, theme: Theme = LIGHT) 
     """
     with canvas.house_style():
         count = len(estimate.joints)
-        figure = canvas.new_figure(theme, WIDTH, HEIGHT * count)
+        figure = canvas.new_figure(theme, WIDTH, HEIGHT * count + LEGEND)
         for k, one in enumerate(estimate.joints):
             bottom = (count - 1 - k) * HEIGHT
             axes = canvas.axes_of(figure, theme, (44.0, bottom + 38.0, WIDTH - 58.0, HEIGHT - 74.0))
             draw_force(axes, theme, one, estimate.contacts or ())
-            title = f"{one.joint.name}: {one.method}, {one.bandwidth:.3g} 1/s; 95 % band grey, at rest a line"
+            title = f"{one.joint.name}: {one.method}, {one.bandwidth:.3g} 1/s"
             axes.set_title(title, loc="right", color=theme.ink, pad=8)
+        force_legend(figure, theme, estimate)
         return canvas.write(figure, path)
 
 
@@ -69,7 +71,48 @@ def draw_force(axes: Any, theme: Theme, one: JointForce, contacts: Sequence[Cont
                 left, max(right, left + least), color=theme.held_out, alpha=0.25, linewidth=0.0, zorder=0
             )
     axes.set_xlim(float(t[0]), float(t[-1]) + MARGIN * float(t[-1] - t[0]))
-    canvas.name_axes(axes, theme, x=words, y=f"external [{unit}]")
+    canvas.name_axes(
+        axes,
+        theme,
+        x=words,
+        y=f"external torque [{unit}]" if one.joint.unit == "rad" else f"external force [{unit}]",
+    )
+
+
+def force_legend(figure: Any, theme: Theme, estimate: ForceEstimate) -> None:
+    """Write at the top what lines, band and shading mean, of those that occur.
+
+    Args:
+        figure: with `LEGEND` points of room at its top.
+        theme: colours.
+        estimate: that is drawn.
+    """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    joints = estimate.joints
+    handles: list[Any] = [Line2D([], [], color=theme.fitted, linewidth=1.1, label="estimated")]
+    if any(np.isfinite(one.lower).any() for one in joints):
+        handles.append(Patch(color=theme.band, alpha=0.25, linewidth=0, label="95 % band"))
+    if any(one.known is not None for one in joints):
+        handles.append(Line2D([], [], color=theme.truth, linestyle=canvas.DASHED, label="known"))
+    if any(np.any(one.state == STATES.index("rest")) for one in joints):
+        handles.append(Line2D([], [], color=theme.ink, linewidth=2.4, label="at rest"))
+    if estimate.contacts:
+        handles.append(Patch(color=theme.held_out, alpha=0.25, linewidth=0, label="contact"))
+    width, height = figure.get_size_inches() * 72.0
+    figure.legend(
+        handles=handles,
+        loc="upper right",
+        bbox_to_anchor=(1.0 - 14.0 / width, 1.0 - 4.0 / height),
+        ncols=len(handles),
+        frameon=False,
+        labelcolor=theme.ink,
+        fontsize=canvas.FONT_SIZE - 1.5,
+        handlelength=1.6,
+        borderpad=0,
+        borderaxespad=0,
+    )
 
 
 def draw_friction(axes: Any, theme: Theme, one: JointForce) -> None:

@@ -18,7 +18,21 @@ from backdrive.report.pictures.canvas import Theme
 WIDTH, PANEL, GAP = 640.0, 118.0, 34.0  # [pt]
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 14.0, 44.0, 40.0  # [pt]
 _POINTS = 6000  # per curve
-_NAMES = {"position": "q", "velocity": "dq", "acceleration": "ddq", "torque": "τ"}
+_SHADE = 0.14  # opacity of the windows [-]
+_NAMES = {
+    "position": "position q",
+    "velocity": "velocity dq",
+    "acceleration": "acceleration ddq",
+    "torque": "torque τ",
+}
+_BANDS = {  # of every other of which the window is shaded
+    "sweep": "cycle",
+    "constant-velocity": "run",
+    "multisine": "period",
+    "sine-torque": "period",
+    "sawtooth-torque": "period",
+    "ramp": "rise or fall",
+}
 
 
 def plan_figure(
@@ -55,7 +69,8 @@ def plan_figure(
         "torque": torque_unit(unit),
     }
     tall = PANEL if len(panels) > 1 else 1.6 * PANEL
-    height = _TOP + _BOTTOM + len(panels) * tall + (len(panels) - 1) * GAP
+    top = _TOP + (28.0 if len(single) > 1 else 0.0)  # room for the legend and the joints' names
+    height = top + _BOTTOM + len(panels) * tall + (len(panels) - 1) * GAP
     with canvas.house_style():
         figure = canvas.new_figure(theme, WIDTH, height)
         for row, panel in enumerate(panels):
@@ -64,18 +79,17 @@ def plan_figure(
             _draw(axes, theme, plan, single, panel)
             _draw_limits(axes, theme, single, panel, limits or {})
             last = row == len(panels) - 1
-            canvas.name_axes(
-                axes,
-                theme,
-                x="time [s]" if last else "",
-                y=f"{_NAMES[panel]} [{canvas.pretty_unit(shown[panel])}]",
-            )
+            words = f"{_NAMES[panel]} [{canvas.pretty_unit(shown[panel])}]"
+            canvas.name_axes(axes, theme, x="time [s]" if last else "", y=words)
             axes.set_xlim(plan.start - 0.01 * plan.duration, plan.start + 1.01 * plan.duration)
             if not last:
                 axes.tick_params(labelbottom=False)
         y = 1.0 - 12.0 / height
         figure.text(_LEFT / WIDTH, y, _title(plan, single), color=theme.ink, va="center", fontweight="bold")
-        _key(figure, theme, (1.0 - _RIGHT / WIDTH, y))
+        shaded = " or ".join(dict.fromkeys(_BANDS[one.kind] for one in single))
+        if len(single) > 1:
+            y -= 14.0 / height
+        _key(figure, theme, (1.0 - _RIGHT / WIDTH, y), f"every other {shaded}")
     return figure
 
 
@@ -95,15 +109,10 @@ def _arm_figure(plan: ArmPlan, limits: Mapping[str, JointLimits], theme: Theme) 
             bottom = _BOTTOM + (J - 1 - j) * (tall + 0.4 * GAP)
             axes = canvas.axes_of(figure, theme, (_LEFT, bottom, WIDTH - _LEFT - _RIGHT, tall))
             for begin, end in plan.windows():
-                axes.axvspan(begin, end, facecolor=theme.band, alpha=0.10, linewidth=0, zorder=0)
+                axes.axvspan(begin, end, facecolor=theme.band, alpha=_SHADE, linewidth=0, zorder=0)
             axes.plot(t, position[:, j], color=theme.ink, linewidth=1.2, zorder=3)
             _draw_limits(axes, theme, (plan.plan_of(name),), "position", limits)
-            canvas.name_axes(
-                axes,
-                theme,
-                x="time [s]" if j == J - 1 else "",
-                y="",
-            )
+            canvas.name_axes(axes, theme, x="time [s]" if j == J - 1 else "", y="")
             axes.set_xlim(plan.start - 0.01 * plan.duration, plan.start + 1.01 * plan.duration)
             axes.annotate(
                 f"{name} [{canvas.pretty_unit(plan.units[j])}]",
@@ -117,8 +126,9 @@ def _arm_figure(plan: ArmPlan, limits: Mapping[str, JointLimits], theme: Theme) 
             if j < J - 1:
                 axes.tick_params(labelbottom=False)
         y = 1.0 - 12.0 / height
-        title = f"motion of {J} joints at once, {plan.duration:.4g} s: at full pace, then slowly"
+        title = f"positions of {J} joints that move at once, {plan.duration:.4g} s"
         figure.text(_LEFT / WIDTH, y, title, color=theme.ink, va="center", fontweight="bold")
+        _key(figure, theme, (1.0 - _RIGHT / WIDTH, y), "at full pace, then slowly")
     return figure
 
 
@@ -135,26 +145,27 @@ def _title(plan: Any, single: tuple[Any, ...]) -> str:
     return f"{' and '.join(kinds)} of {who}, {plan.duration:.4g} s"
 
 
-def _key(figure: Any, theme: Theme, corner: tuple[float, float]) -> None:
-    """Write a legend of the line styles that occur."""
-    named = {}
+def _key(figure: Any, theme: Theme, corner: tuple[float, float], shaded: str) -> None:
+    """Write a legend of the line styles that occur, and of what is shaded."""
+    from matplotlib.patches import Patch
+
+    named: dict[str, Any] = {shaded: Patch(facecolor=theme.band, alpha=_SHADE, linewidth=0)}
     for axes in figure.axes:
         for line in axes.get_lines():
             if not line.get_label().startswith("_"):
                 named.setdefault(line.get_label(), line)
-    if named:
-        figure.legend(
-            list(named.values()),
-            list(named),
-            loc="center right",
-            bbox_to_anchor=corner,
-            ncols=len(named),
-            frameon=False,
-            labelcolor=theme.muted,
-            fontsize=canvas.FONT_SIZE - 1.5,
-            borderpad=0,
-            borderaxespad=0,
-        )
+    figure.legend(
+        list(named.values()),
+        list(named),
+        loc="center right",
+        bbox_to_anchor=corner,
+        ncols=len(named),
+        frameon=False,
+        labelcolor=theme.muted,
+        fontsize=canvas.FONT_SIZE - 1.5,
+        borderpad=0,
+        borderaxespad=0,
+    )
 
 
 def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: str) -> None:
@@ -165,7 +176,7 @@ def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: st
         y = getattr(one, panel)(t)
         windows = one.windows()
         for begin, end in windows[::2]:
-            axes.axvspan(begin, end, facecolor=theme.band, alpha=0.10, linewidth=0, zorder=0)
+            axes.axvspan(begin, end, facecolor=theme.band, alpha=_SHADE, linewidth=0, zorder=0)
         axes.plot(t, y, color=theme.ink if panel != "acceleration" else theme.muted, linewidth=1.2, zorder=3)
         if panel == "velocity":
             taken = _samples(one, t, y)
@@ -183,7 +194,7 @@ def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: st
                 one.joint,
                 (one.start + 0.5 * one.duration, 1.0),
                 xycoords=("data", "axes fraction"),
-                xytext=(0, 8),
+                xytext=(0, 22),
                 textcoords="offset points",
                 ha="center",
                 color=theme.muted,

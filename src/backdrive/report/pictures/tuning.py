@@ -1,4 +1,6 @@
-"""The safe region of a compensator: R against K/K_c and decay rate against delay, with the chosen numbers and the thesis'."""
+"""The safe region of a compensator: share of friction against stiffness and decay rate against delay, with the chosen numbers
+and the thesis'.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,7 @@ from backdrive.errors import InvalidInput
 from backdrive.report.pictures.canvas import LIGHT, Theme, axes_of, house_style, name_axes, new_figure, write
 from backdrive.tuning.tuning import Tuning
 
-WIDTH, HEIGHT = 640.0, 316.0  # [pt]
+WIDTH, HEIGHT = 640.0, 334.0  # [pt]
 LEVELS = (
     1.0,
     10.0,
@@ -49,20 +51,21 @@ def safe_region(tuning: Tuning, theme: Theme = LIGHT) -> Any:
     """
     region = tuning.region
     figure = new_figure(theme, WIDTH, HEIGHT)
-    left = axes_of(figure, theme, (48, 92, 248, 180))
-    right = axes_of(figure, theme, (376, 92, 248, 180))
+    left = axes_of(figure, theme, (48, 110, 248, 180))
+    right = axes_of(figure, theme, (376, 110, 248, 180))
     springs, shares = np.array(region["springs"]), np.array(region["shares"])
     _tiles(left, theme, springs, shares, np.array(region["by_share"], dtype=float))
     low, high = region["stiffness_interval"]
     left.axvspan(low, high, color=theme.band, alpha=0.18, linewidth=0)
     left.axhline(region["largest_share"], color=theme.ink, linewidth=1.0, linestyle=":")
-    words = f"R (dotted: the least friction), α = {region['chosen'][2]:.3g}/s as chosen"
-    name_axes(left, theme, x="K/K_c (shaded: where K_c may lie)", y=words)
+    name_axes(
+        left, theme, x="stiffness K over that of the contact, K_c", y="share of friction R, with the chosen α"
+    )
     decays, delays = np.array(region["decays"]), 1e3 * np.array(region["delays"])
     _tiles(right, theme, delays, decays, np.array(region["by_delay"], dtype=float).T, rising=True)
     right.set_yscale("log")
     R, K, alpha, delay = region["chosen"]
-    name_axes(right, theme, x="delay [ms]", y=f"α [1/s], with the chosen R = {R:.2f} and K = {K:.2f} K_c")
+    name_axes(right, theme, x="delay [ms]", y="decay rate α [1/s], with the chosen R and K")
     from matplotlib.ticker import FixedLocator, NullLocator, ScalarFormatter
 
     right.yaxis.set_major_locator(FixedLocator([2, 5, 20, 50, 200, 500]))
@@ -129,17 +132,21 @@ def _legend(figure: Any, theme: Theme, tuning: Tuning) -> None:
     entries: list[Any] = [
         Patch(facecolor=c, alpha=0.55, label=w) for c, w in zip(_colors(theme), WORDS, strict=False)
     ]
+    R, chosen, alpha = tuning.region["chosen"][:3]
     K = tuning.region["thesis"][1]
-    beyond = f" (K/K_c = {K:.2g}, beyond)" if tuning.region["springs"][-1] < K else ""
+    beyond = f" (K = {K:.2g} K_c, beyond)" if tuning.region["springs"][-1] < K else ""
     entries += [
-        Line2D([], [], label=words, **marks[name])
-        for name, words in (
-            ("chosen", "chosen"),
-            ("thesis", f"the thesis' R and K{beyond}"),
-            ("thesis alpha", "its α, with the chosen R and K"),
-        )
+        Patch(facecolor=theme.band, alpha=0.18, label="where K_c may lie, by its error"),
+        Line2D([], [], color=theme.ink, linewidth=1.0, linestyle=":", label="least friction, by its error"),
+        Line2D(
+            [], [], label=f"chosen: R = {R:.2f}, K = {chosen:.2f} K_c, α = {alpha:.3g}/s", **marks["chosen"]
+        ),
+        Line2D([], [], label=f"the thesis' R and K{beyond}", **marks["thesis"]),
+        Line2D([], [], label="the thesis' α, with the chosen R and K", **marks["thesis alpha"]),
     ]
-    legend = figure.legend(handles=entries, loc="lower center", ncol=3, frameon=False, fontsize=9.5)
+    legend = figure.legend(
+        handles=entries, loc="lower center", ncol=2, frameon=False, fontsize=9.5, columnspacing=3
+    )
     for text in legend.get_texts():
         text.set_color(theme.ink)
     figure.text(
