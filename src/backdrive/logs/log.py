@@ -151,10 +151,11 @@ class Log:
             time: sampling instants [s], (n,); None: by `rate`.
             rate: samples a second [Hz].
             joints: names; None: joint_1, joint_2, ...
-            unit: `rad` or `m`, for all joints or one each.
+            unit: `rad`, `m`, or `deg` (positions and velocities are then converted), for all joints or one each.
             channels: `position`, `torque` and the other channels of a log, (n,) or (n, J).
 
         Raises:
+            UnknownName: there is no such channel; the message lists those that there are.
             InvalidInput: an array is no array of numbers, shapes do not fit, or the time is not given.
         """
         from backdrive.logs.tables import log_of_arrays
