@@ -166,6 +166,8 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
         region=picture,
         notes=tuple(notes),
         seed=seed,
+        facts=facts,
+        stroke=stroke,
     )
     if loops:
         say("Trying algFC2, part 5 of 5")
