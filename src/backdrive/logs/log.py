@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from backdrive._upper import Display, upper
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import Drive, Joint, Source, as_joints, check_coupling
 from backdrive.logs.values import check_period, read_only
@@ -40,7 +41,7 @@ CHANNELS: dict[str, tuple[str, str]] = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Log:
+class Log(Display):
     """Measured motion and torque of one or more joints.
 
     Attributes:
@@ -180,6 +181,10 @@ class Log:
 
     def __repr__(self) -> str:
         return f"<Log of {', '.join(self.names)}: {len(self)} samples, {self.duration:.4g} s; {', '.join(self.channels)}>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values that describe the log: joints, clock, range of every channel, sources and notes; not the samples."""
+        return upper("logs.description", "describe")(self)
 
     def __len__(self) -> int:
         """Return the number of samples."""
