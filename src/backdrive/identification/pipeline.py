@@ -164,9 +164,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
 
     logs, held_out = as_logs(logs), as_logs(held_out)
     if not logs:
-        raise InvalidInput(
-            "There is no log to identify from.", remedy="Pass at least one `Log`, as `read_log` gives it."
-        )
+        raise InvalidInput("There is no log to identify from.", remedy="Pass one, as `read_log` gives it.")
     options.check()
     logs = [in_order(log, logs[0]) for log in logs]
     held_out = [in_order(log, logs[0]) for log in held_out]
