@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import re
 from dataclasses import replace
 
@@ -13,9 +14,12 @@ import backdrive
 from backdrive import FrictionModel, Log, Sweep, compare, identify, simulate, tune
 from backdrive.control.loop import Loop
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.external import estimate_force
+from backdrive.external import PayloadEstimate, estimate_force
+from backdrive.external.gains import Gains
+from backdrive.identification import validate
 from backdrive.identification.result import Identification
 from backdrive.laws import CoulombViscous, Law
+from backdrive.plans import ArmPlan, InTurn, SineTorque
 from backdrive.simulation.machines import machine
 
 PLAN = Sweep(stroke=0.35, top_speed=2.0, cycles=6)
@@ -168,7 +172,7 @@ def test_a_tuned_loop_has_its_limits(model, tuning):
     ):
         with pytest.raises(InvalidInput, match=words):
             model.loop(**wrong)
-    with pytest.raises(InvalidInput, match="unexpected keyword argument 'foo'"):
+    with pytest.raises(InvalidInput, match="tune has no argument 'foo'"):
         tune(model, foo=1)
     with pytest.raises(InvalidInput, match="no friction model"):
         tune(3)
@@ -193,8 +197,6 @@ def test_results_show_themselves(log, result, model, tuning, tmp_path):
             assert hasattr(figure, "savefig")
             figure.savefig(tmp_path / "picture.png")
             assert "data:image/svg+xml;base64" in page
-    with pytest.raises(InvalidInput, match="draw=True"):
-        tuning.plot()
     for one in results(log, result, model, tuning):
         page = one.report(tmp_path / "report.html").read_text()
         assert page.startswith("<!DOCTYPE html>")
@@ -205,6 +207,70 @@ def test_results_show_themselves(log, result, model, tuning, tmp_path):
         "<h1><bdi>Monday &lt;b&gt;</bdi></h1>"
         in model.report(tmp_path / "m.html", title="Monday <b>").read_text()
     )
+
+
+def test_a_tuning_computes_its_picture_when_it_is_asked_for(tuning):
+    assert not tuning.region
+    assert hasattr(tuning.plot(), "savefig")
+    assert not tuning.region  # the tuning itself does not change
+    with pytest.raises(InvalidInput, match="read from a file"):
+        replace(tuning, facts=None).plot()
+    with pytest.raises(InvalidInput, match="no picture of 'joint_1' for 'estimate'"):
+        replace(tuning, goal="estimate").plot()
+
+
+PAYLOAD = PayloadEstimate(
+    frame="joint_1", mass=2.0, mass_error=0.1, mass_error_of_data=0.01, center=np.ones(3), center_error=0.1 * np.ones(3),
+    inertia=np.eye(3), inertia_error=0.1 * np.eye(3), limited_by="gains", gains=Gains(kind="none", by_joint={}, remarks=()),
+    lever={"joint_1": 3.0}, remarks=("A remark.",),
+)  # fmt: skip
+ARM = ArmPlan(("joint_1", "b"), ("rad", "m"), (0.0, 0.0), ((0.1,), (0.1,)), ((0.0,), (0.0,)), 10.0, periods=3)
+MIXED = InTurn((replace(PLAN, joint="joint_1"), Sweep(0.1, 0.5, 2, joint="b", unit="m")))
+RAMP = SineTorque(amplitude=2.0, cycles=2, frequency=0.5, joint="joint_1")
+
+
+@pytest.mark.parametrize("kind", ["log", "validation", "payload", "plan", "arm", "mixed", "torque"])
+def test_data_and_validations_show_themselves(kind, log, model, tmp_path):
+    one = {
+        "log": log.select(0).with_note("A <note>."),
+        "validation": validate(model, log) if kind == "validation" else None,
+        "payload": PAYLOAD,
+        "plan": replace(PLAN, joint="joint_1"),
+        "arm": ARM,
+        "mixed": MIXED,
+        "torque": RAMP,
+    }[kind]
+    text, page = one.summary(), one._repr_html_()
+    assert max(map(len, text.splitlines())) <= 80
+    assert str(one) == text.rstrip()
+    assert "joint_1" in text
+    assert "joint_1" in page
+    assert "<note>" not in page
+    json.dumps(one.to_dict(), allow_nan=False)
+    assert "joint_1" in one.report(tmp_path / "page.html").read_text()
+    if kind in ("validation", "payload", "mixed"):
+        with pytest.raises(InvalidInput, match="no picture of this"):
+            one.plot()
+    else:
+        one.plot().savefig(tmp_path / "picture.png")
+
+
+def test_a_validation_is_still_a_dict(model, log):
+    result = validate(model, log)
+    assert dict(result) == result
+    assert result == validate(model, [log])
+    assert pickle.loads(pickle.dumps(result)).units == {"joint_1": "N.m"}
+    with pytest.raises(InvalidInput, match="no log"):
+        validate(model, 3)
+
+
+@pytest.mark.parametrize("name", ["r.pdf", "r.PDF", "r.png", "r.json"])
+def test_a_report_is_html(model, result, tmp_path, name):
+    for one in (model, result):
+        with pytest.raises(InvalidInput, match="a report is an HTML page"):
+            one.report(tmp_path / name)
+    assert not list(tmp_path.iterdir())
+    assert model.report(tmp_path / "r.HTM").exists()
 
 
 def test_results_become_plain_values(log, result, model, tuning):

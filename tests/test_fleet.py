@@ -447,3 +447,10 @@ def test_the_generator_repeats_itself():
     wear = FleetSimulation(days=60, events=[Event(kind="wear", robot=0, day=20, size=0.2, length=20)])
     assert wear.growth(0, 0)[[0, 20, 30, 40, 59]] == pytest.approx([1.0, 1.0, 1.1, 1.2, 1.2])
     assert wear.name(0, 5) == "robot000"
+
+
+def test_the_public_names_of_a_fleet_can_be_imported():
+    import backdrive.fleet
+
+    assert sorted(backdrive.fleet.__all__) == sorted(backdrive.fleet._HOMES)
+    assert all(hasattr(backdrive.fleet, name) for name in backdrive.fleet.__all__)

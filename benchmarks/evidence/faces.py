@@ -1,6 +1,7 @@
 """The faces: results in a notebook, texts in pictures, commands in 80 columns, pages in a browser.
 
-Every public result class is shown by a notebook that nbclient executes; every picture is asked for the boxes of its own texts;
+Every result class is shown by a notebook that nbclient executes: every class that the functions and methods of the API pages
+return, less the exceptions that are printed with their reasons; every picture is asked for the boxes of its own texts;
 every command's help, and what commands print of a demo's log, is measured; every page is opened in headless Chromium at 390 and
 1280 px, light and dark, and its console and network watched. `--plant` plants one fault of each kind, which must be noticed.
 
@@ -24,6 +25,7 @@ from typing import Any
 from _browser import browser, serve, visit
 from _common import Judge, parser
 from _faces_pictures import pictures
+from _faces_results import EXCEPTIONS, SHOWS, results
 
 ROOT = Path(__file__).parents[2]
 COLUMNS, WIDTHS, SCREENS = 80, (390, 1280), (False, True)
@@ -33,10 +35,28 @@ CELLS = {
     "Comparison": "compare(result.model, second.model)",
     "Tuning": "tuning",
     "ForceEstimate": "estimate_force(result.model, log)",
+    "Validation": "validate(result.model, log)",
+    "Log": "log",
+    "Sweep": "plan",
+    "ConstantVelocity": "ConstantVelocity(stroke=0.5, speeds=(0.2, 0.4))",
+    "Multisine": "Multisine(stroke=0.3, low=0.2, high=1.0, period=5.0)",
+    "TorqueRamp": "TorqueRamp(peak=2.0, rate=1.0)",
+    "SawtoothTorque": "SawtoothTorque(amplitude=2.0, frequency=0.5)",
+    "SineTorque": "SineTorque(amplitude=2.0, frequency=0.5)",
+    "InTurn": "InTurn((plan,))",
+    "ArmPlan": "ArmPlan(('a', 'b'), ('rad', 'rad'), (0, 0), ((0.1,), (0.1,)), ((0,), (0,)), 10.0, periods=3)",
+    "PayloadEstimate": """PayloadEstimate(
+        frame="tool", mass=2.0, mass_error=0.1, mass_error_of_data=0.01, center=np.ones(3), center_error=np.ones(3) / 10,
+        inertia=None, inertia_error=None, limited_by="gains", lever={"a": 3.0},
+        gains=Gains(kind="none", by_joint={}, remarks=()))""",
 }
 BEGIN = """
+import numpy as np
 from backdrive import Sweep, compare, identify, simulate, tune
-from backdrive.external import estimate_force
+from backdrive.external import PayloadEstimate, estimate_force
+from backdrive.external.gains import Gains
+from backdrive.identification import validate
+from backdrive.plans import ArmPlan, ConstantVelocity, InTurn, Multisine, SawtoothTorque, SineTorque, TorqueRamp
 from backdrive.simulation.machines import machine
 plan = Sweep(stroke=0.35, top_speed=2.0, cycles=6)
 log = simulate(machine("joint_1").replace(torque_noise=1.0), plan, seed=0)
@@ -98,31 +118,19 @@ def notebook(judge: Judge, place: Path) -> None:
             f"{name}: table and text as HTML, {len(shown) // 1000} kB",
             "<table>" in shown and "<strong>" in shown,
         )
-    known = _shown_classes()
-    judge.that(f"every class that shows itself has its cell: {', '.join(known)}", set(known) == set(CELLS))
-
-
-def _shown_classes() -> list[str]:
-    """Return the names of all classes below `backdrive` with an HTML of their own."""
-    import pkgutil
-    from importlib import import_module
-
-    import backdrive
-
-    found = set()
-    for module in pkgutil.walk_packages(backdrive.__path__, "backdrive."):
-        if any(part in module.name for part in (".ros", "__main__", ".fleet", ".thesis", ".export")):
-            continue
-        try:
-            names = vars(import_module(module.name)).values()
-        except ImportError:
-            continue
-        found |= {
-            value.__name__
-            for value in names
-            if isinstance(value, type) and hasattr(value, "_repr_html_") and value.__name__ != "Display"
-        }
-    return sorted(found)
+    known = results()
+    print(f"  exceptions: {'; '.join(f'{name}: {why}' for name, why in EXCEPTIONS.items())}")
+    forgotten = [name for name in known if name not in CELLS and name not in EXCEPTIONS]
+    gone = [name for name in (*CELLS, *EXCEPTIONS) if name not in known]
+    lacking = [
+        f"{n} {member}" for n in CELLS if n in known for member in SHOWS if not hasattr(known[n], member)
+    ]
+    for what, names in (
+        ("every class that a public function returns has its cell or its reason", forgotten),
+        ("no cell or reason is of a class that none returns", gone),
+        ("every result has " + ", ".join(SHOWS), lacking),
+    ):
+        judge.that(f"{what}{': not ' + ', '.join(names) if names else ''}", not names)
 
 
 def _run(place: Path, *words: str) -> tuple[int, str]:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+import functools
+import inspect
+from collections.abc import Callable, Collection, Iterable, Mapping
 from numbers import Integral, Real
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
-from backdrive.errors import InvalidInput
+from backdrive._catalog import did_you_mean
+from backdrive.errors import InvalidInput, UnknownName
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 class Kind(NamedTuple):
@@ -89,3 +95,35 @@ def as_table(name: str, value: Any) -> dict[str, Any]:
     """Return a dict that was passed as an argument, or an empty one for None; see `check_arguments`."""
     check_arguments({name: optional(TABLE)}, {name: value})
     return {} if value is None else dict(value)
+
+
+def check_keywords(function: str, given: Iterable[str], known: Collection[str]) -> None:
+    """Refuse keyword arguments that a function does not have.
+
+    Args:
+        function: its name, for the message.
+        given: names that were passed.
+        known: names that there are.
+
+    Raises:
+        UnknownName: there is another one; the message names the nearest of the known ones, and lists them.
+    """
+    for name in given:
+        if name not in known:
+            raise UnknownName(
+                f"{function} has no argument '{name}'.",
+                remedy=f"{did_you_mean(name, known)}It has {', '.join(known)}.",
+                name=name,
+            )
+
+
+def known_keywords(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a public function, so that it answers an unknown keyword argument as `check_keywords` does."""
+    known = list(inspect.signature(function).parameters)
+
+    @functools.wraps(function)
+    def checked(*args: P.args, **given: P.kwargs) -> R:
+        check_keywords(function.__name__, given, known)
+        return function(*args, **given)
+
+    return checked

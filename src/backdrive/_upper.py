@@ -6,7 +6,10 @@ import importlib
 from pathlib import Path
 from typing import Any
 
+from backdrive.errors import InvalidInput, check_path
 from backdrive.parameters import whole
+
+PAGES = (".html", ".htm")  # endings of the name of a page
 
 
 def upper(module: str, name: str) -> Any:
@@ -17,6 +20,19 @@ def upper(module: str, name: str) -> Any:
         name: of the member.
     """
     return getattr(importlib.import_module(f"backdrive.{module}"), name)
+
+
+def check_page(path: str | Path) -> None:
+    """Refuse the name of a file that says that it is no HTML page; a name without an ending is left as it is.
+
+    Raises:
+        InvalidInput: it is no path, or ends otherwise than in .html or .htm.
+    """
+    check_path(path)
+    ending = Path(path).suffix
+    if ending and ending.lower() not in PAGES:
+        hint = "; print the page to PDF from a browser" if ending.lower() == ".pdf" else ""
+        raise InvalidInput(f"{path}: a report is an HTML page.", remedy=f"Let its name end in .html{hint}.")
 
 
 class Display:
@@ -49,10 +65,11 @@ class Display:
             title: of the page; None: it names the result.
 
         Raises:
-            InvalidInput: `path` names no file.
+            InvalidInput: `path` names no file, or one that is no HTML page.
             MissingExtra: matplotlib is not installed.
             WriteError: the file cannot be written.
         """
+        check_page(path)
         return upper("report.result_page", "write_page")(self, path, title=title)
 
     def __str__(self) -> str:

@@ -88,21 +88,4 @@ def print_payload(payload: PayloadEstimate, remarks: list[str], as_json: bool) -
 
 def document(payload: PayloadEstimate) -> dict[str, Any]:
     """Return the results for a payload, in SI units."""
-    inertia, error = payload.inertia, payload.inertia_error
-    return {
-        "frame": payload.frame,
-        "mass": payload.mass,
-        "mass_interval": list(payload.mass_interval),
-        "mass_error": payload.mass_error,
-        "mass_error_of_data": payload.mass_error_of_data,
-        "center": payload.center.tolist(),
-        "center_error": payload.center_error.tolist(),
-        "inertia": None if inertia is None else inertia.tolist(),
-        "inertia_error": None if error is None else error.tolist(),
-        "limited_by": payload.limited_by,
-        "lever": payload.lever,
-        "gains": {
-            "kind": payload.gains.kind,
-            "joints": {n: {"value": g.value, "error": g.error} for n, g in payload.gains.by_joint.items()},
-        },
-    }
+    return payload.to_dict()

@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from backdrive._upper import Display
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.gains import Gains, absolute_gains, gain_ratios
 from backdrive.external.payload_fit import PayloadFit, PayloadProblem, PriorKnowledge
@@ -36,7 +38,7 @@ SLIGHT = 3.0  # standard errors below which a mass is not significant
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PayloadEstimate:
+class PayloadEstimate(Display):
     """What an arm carries.
 
     Attributes:
@@ -75,6 +77,27 @@ class PayloadEstimate:
     def center_interval(self) -> np.ndarray:
         """Return the lower and upper ends of the center's 95 % intervals [m], (2, 3)."""
         return self.center + NORMAL * np.array([[-1.0], [1.0]]) * self.center_error
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as `backdrive estimate --payload --json` prints them."""
+        inertia, error = self.inertia, self.inertia_error
+        return {
+            "frame": self.frame,
+            "mass": self.mass,
+            "mass_interval": list(self.mass_interval),
+            "mass_error": self.mass_error,
+            "mass_error_of_data": self.mass_error_of_data,
+            "center": self.center.tolist(),
+            "center_error": self.center_error.tolist(),
+            "inertia": None if inertia is None else inertia.tolist(),
+            "inertia_error": None if error is None else error.tolist(),
+            "limited_by": self.limited_by,
+            "lever": self.lever,
+            "gains": {
+                "kind": self.gains.kind,
+                "joints": {n: {"value": g.value, "error": g.error} for n, g in self.gains.by_joint.items()},
+            },
+        }
 
 
 def estimate_payload(

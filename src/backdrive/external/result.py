@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from backdrive._files import write_whole
-from backdrive._upper import Display, upper
+from backdrive._upper import Display, check_page, upper
 from backdrive.errors import InvalidInput, UnknownName, require
 from backdrive.logs.log import Joint
 
@@ -165,9 +165,11 @@ class ForceEstimate(Display):
             title: of the report; None: it names the joint or the number of joints.
 
         Raises:
+            InvalidInput: `path` names no file, or one that is no HTML page.
             MissingExtra: matplotlib is not installed.
             WriteError: the file cannot be written.
         """
+        check_page(path)
         command = command or "estimate_force(...)  # in Python"
         return upper("report.force", "write_force_report")(self, path, command=command, title=title)
 

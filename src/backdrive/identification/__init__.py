@@ -7,3 +7,4 @@ from backdrive.identification.result import JointEvidence as JointEvidence
 from backdrive.identification.result import Samples as Samples
 from backdrive.identification.validate import validate as validate
 from backdrive.identification.validate import validate_motion as validate_motion
+from backdrive.identification.validation import Validation as Validation

@@ -7,7 +7,7 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
-from backdrive._arguments import as_table
+from backdrive._arguments import as_table, known_keywords
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
 from backdrive.engine import DriveModel
@@ -48,6 +48,7 @@ ONE_JOINT: dict[str, tuple[str, str, tuple[str, ...]]] = {
 Outcome = tuple[Sequence[JointFriction], Sequence[JointEvidence], ArmModel | None]
 
 
+@known_keywords
 @on_one_thread
 def identify(  # noqa: PLR0913  (its options are given by keyword)
     logs: Log | Sequence[Log] | Any,
@@ -163,9 +164,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
 
     logs, held_out = as_logs(logs), as_logs(held_out)
     if not logs:
-        raise InvalidInput(
-            "There is no log to identify from.", remedy="Pass at least one `Log`, as `read_log` gives it."
-        )
+        raise InvalidInput("There is no log to identify from.", remedy="Pass one, as `read_log` gives it.")
     options.check()
     logs = [in_order(log, logs[0]) for log in logs]
     held_out = [in_order(log, logs[0]) for log in held_out]

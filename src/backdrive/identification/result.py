@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from backdrive._upper import Display, upper
+from backdrive._upper import Display, check_page, upper
 from backdrive.errors import InvalidInput
 from backdrive.identification.residual import Residual
 from backdrive.model import Bands, FrictionModel
@@ -127,9 +127,11 @@ class Identification(Display):
             title: of the report.
 
         Raises:
+            InvalidInput: `path` names no file, or one that is no HTML page.
             MissingExtra: matplotlib is not installed.
             WriteError: the file cannot be written.
         """
+        check_page(path)
         command = command or f"identify(..., method={self.method!r})  # in Python"
         return upper("report", "write_report")(self, path, command=command, title=title)
 

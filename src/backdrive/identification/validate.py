@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from backdrive._arguments import known_keywords
 from backdrive.engine import Axis, DriveModel, forward
-from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable, check_type
 from backdrive.identification.auto import moving_joints
 from backdrive.identification.dynamics import predict
 from backdrive.identification.names import same_names
@@ -17,32 +18,43 @@ from backdrive.identification.quality import judge
 from backdrive.identification.runs import find_runs
 from backdrive.identification.signals import prepare
 from backdrive.identification.smoothing import smoothing
+from backdrive.identification.validation import Validation
 from backdrive.logs.log import Log
+from backdrive.logs.tables import as_logs
 from backdrive.model import FrictionModel, JointFriction, Quality
 
 LEAST_STEP = 1e-7  # shortest integration step that a model file may contain [s]
 Pairs = list[tuple[np.ndarray, np.ndarray, float, np.ndarray]]
 
 
+@known_keywords
 def validate(
-    model: FrictionModel, logs: Sequence[Log], *, urdf: str | None = None, remarks: list[str] | None = None
-) -> dict[str, Quality]:
+    model: FrictionModel,
+    logs: Log | Sequence[Log] | Any,
+    *,
+    urdf: str | None = None,
+    remarks: list[str] | None = None,
+) -> Validation:
     """Return the relative torque residual of every joint that model and logs share.
 
     Args:
         model: with the friction of each joint.
-        logs: with torque, of the same joints (by name).
+        logs: one log or data frame, or several, with torque, of the same joints (by name).
         urdf: path of the robot description, for the model of a whole arm.
         remarks: list to which sentences are added, for example on joints that move outside the model's validity range.
 
     Returns:
-        joint name -> quality over all logs.
+        joint name -> quality over all logs, a dict that can be displayed.
 
     Raises:
         InvalidInput: model and logs share no joint, units or channels do not fit, or an arm's description is missing.
         NotIdentifiable: the logs contain no motion to judge.
     """
+    logs = _logs(model, logs)
     shared = _common_joints(model, logs)
+    said = [] if remarks is None else remarks
+    before = len(said)
+    units = {friction.joint.name: friction.joint.torque_unit for friction in model.joints}
     if model.arm is not None:
         if urdf is None:
             raise InvalidInput(
@@ -50,23 +62,24 @@ def validate(
             )
         from backdrive.identification.arm import validate_arm
 
-        return validate_arm(model, logs, urdf, remarks)
-    said = [] if remarks is None else remarks
+        qualities = validate_arm(model, logs, urdf, said)
+        return Validation(qualities, units=units, remarks=said[before:])
     said += same_names(
         [j.joint for j in model.joints], [joint for log in logs for joint in log.joints], "model", "logs"
     )
     idle = moving_joints(logs, None)[1]
-    result = {}
+    result: dict[str, Quality] = {}
     for name in shared:
         if name in idle:
             said.append(f"Joint '{name}' hardly moves in the logs and was not judged.")
             continue
         friction = model.joint(name)
         said += _of_identification(friction)
-        units = {log.joints[log.column(name)].unit for log in logs}
-        if units != {friction.joint.unit}:
+        measured = {log.joints[log.column(name)].unit for log in logs}
+        if measured != {friction.joint.unit}:
             raise InvalidInput(
-                f"Joint '{name}' is measured in {friction.joint.unit} in the model and in {', '.join(sorted(units))} in the logs.",
+                f"Joint '{name}' is measured in {friction.joint.unit} in the model and in {', '.join(sorted(measured))} in the "
+                "logs.",
                 remedy=f"Read the logs with --unit {friction.joint.unit}.",
             )
         each = [_predictions(model, friction, log) for log in logs]
@@ -84,7 +97,18 @@ def validate(
         raise NotIdentifiable(
             "No joint that the model knows moves in the logs.", remedy="Give a log in which one moves."
         )
-    return result
+    return Validation(result, units=units, remarks=said[before:])
+
+
+def _logs(model: Any, logs: Any) -> list[Log]:
+    """Return logs of a model, both checked."""
+    check_type(model, FrictionModel, "friction model", "Give one, such as identify(log).model.")
+    several = as_logs(logs)
+    if not several:
+        raise InvalidInput(
+            "There is no log to validate on.", remedy="Pass at least one `Log`, as `read_log` gives it."
+        )
+    return several
 
 
 def _of_identification(friction: JointFriction) -> list[str]:
@@ -97,25 +121,27 @@ def _of_identification(friction: JointFriction) -> list[str]:
     return [f"Joint '{friction.joint.name}' was {word} when it was identified{why}"]
 
 
-def validate_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, Quality]:
+@known_keywords
+def validate_motion(model: FrictionModel, logs: Log | Sequence[Log] | Any) -> Validation:
     """Return the quality of the motion predicted from the drive's input, for every joint that model and logs share.
 
     As in the fit, a log under a controller is simulated as a whole, and a log without one in windows.
 
     Args:
         model: result of a fit from the drive's input, whose options contain the drive.
-        logs: with position and the drive's input.
+        logs: one log or data frame, or several, with position and the drive's input.
 
     Returns:
         joint name -> quality: root mean square error of the position [rad or m], and the same divided by the root mean square
-        of the position about its mean [%].
+        of the position about its mean [%]. The dict can be displayed.
 
     Raises:
         InvalidInput: the model contains no drive, or shares no joint with the logs.
     """
     from backdrive.identification.dynamic.drive_stretch import drive_stretches, whole
 
-    result = {}
+    logs = _logs(model, logs)
+    result: dict[str, Quality] = {}
     for name in _common_joints(model, logs):
         axis, step = _axis(model, name)
         options = Options(drive=axis.drive, cutoff=_positive(model.options.get("cutoff")))
@@ -137,7 +163,8 @@ def validate_motion(model: FrictionModel, logs: Sequence[Log]) -> dict[str, Qual
         rms, size = float(np.sqrt(np.mean(error**2))), float(np.sqrt(np.mean(spread**2)))
         residual = 100.0 * rms / size if size > 0.0 else float("nan")
         result[name] = Quality(residual=residual, residual_raw=residual, rms=rms, samples=error.size)
-    return result
+    units = {friction.joint.name: friction.joint.unit for friction in model.joints}
+    return Validation(result, units=units, quantity="motion")
 
 
 def _common_joints(model: FrictionModel, logs: Sequence[Log]) -> list[str]:

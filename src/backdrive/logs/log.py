@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from backdrive._upper import Display, upper
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import Drive, Joint, Source, as_joints, check_coupling
 from backdrive.logs.values import check_period, read_only
@@ -40,7 +41,7 @@ CHANNELS: dict[str, tuple[str, str]] = {
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Log:
+class Log(Display):
     """Measured motion and torque of one or more joints.
 
     Attributes:
@@ -151,10 +152,11 @@ class Log:
             time: sampling instants [s], (n,); None: by `rate`.
             rate: samples a second [Hz].
             joints: names; None: joint_1, joint_2, ...
-            unit: `rad` or `m`, for all joints or one each.
+            unit: `rad`, `m`, or `deg` (positions and velocities are then converted), for all joints or one each.
             channels: `position`, `torque` and the other channels of a log, (n,) or (n, J).
 
         Raises:
+            UnknownName: there is no such channel; the message lists those that there are.
             InvalidInput: an array is no array of numbers, shapes do not fit, or the time is not given.
         """
         from backdrive.logs.tables import log_of_arrays
@@ -179,6 +181,10 @@ class Log:
 
     def __repr__(self) -> str:
         return f"<Log of {', '.join(self.names)}: {len(self)} samples, {self.duration:.4g} s; {', '.join(self.channels)}>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values that describe the log: joints, clock, range of every channel, sources and notes; not the samples."""
+        return upper("logs.description", "describe")(self)
 
     def __len__(self) -> int:
         """Return the number of samples."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -10,10 +11,15 @@ from typing import Any, cast
 
 import numpy as np
 
-from backdrive._documents import is_several
-from backdrive.errors import InvalidInput, MappingError, check_type
+from backdrive._arguments import check_keywords
+from backdrive._catalog import did_you_mean
+from backdrive._documents import as_list, is_several
+from backdrive.errors import InvalidInput, MappingError, UnknownName, check_type
 from backdrive.logs.joint import Joint, as_joints
 from backdrive.logs.log import CHANNELS, Log
+
+ARGUMENTS = ("time", "rate", "joints", "unit")  # of `Log.from_arrays`, beside the channels
+DEGREES = ("position", "velocity", "reference", "second_encoder")  # channels that may be in degrees
 
 
 def log_of_arrays(
@@ -30,17 +36,24 @@ def log_of_arrays(
         time: sampling instants [s], (n,); None: by `rate`.
         rate: samples a second [Hz].
         joints: names; None: joint_1, joint_2, ...
-        unit: `rad` or `m`, for all joints or one each.
+        unit: `rad`, `m`, or `deg` (positions and velocities are then converted), for all joints or one each.
         channels: by name, (n,) or (n, J), any number of them None.
 
     Raises:
+        UnknownName: there is no such channel.
         InvalidInput: an array is no array of numbers, shapes do not fit, or time and rate are both there or both absent.
     """
+    for name in channels:
+        if name not in CHANNELS:
+            near = did_you_mean(name, (*CHANNELS, *ARGUMENTS))
+            raise UnknownName(
+                f"A log has no channel '{name}'.",
+                remedy=f"{near}Channels are {', '.join(CHANNELS)}; other arguments {', '.join(ARGUMENTS)}.",
+                name=name,
+            )
     given: dict[str, Any] = {
         name: _array(name, value) for name, value in channels.items() if value is not None
     }
-    if unknown := sorted(set(given) - set(CHANNELS)):
-        raise InvalidInput(f"A log has no channel '{unknown[0]}'.", remedy=f"It has {', '.join(CHANNELS)}.")
     if not given:
         raise InvalidInput("There are no channels.", remedy="Give position and torque, (n,) or (n, J).")
     first = next(iter(given.values()))
@@ -54,29 +67,45 @@ def log_of_arrays(
         if not isinstance(rate, Real) or not 0.0 < rate < np.inf:
             raise InvalidInput(f"rate = {rate!r} Hz.", remedy="Give samples a second, one positive number.")
         time = np.arange(n) / float(rate)
-    return Log(time=_array("time", time), joints=_joints(joints, unit, J), **given)
+    units = [unit] * J if isinstance(unit, str) else as_list(unit)
+    known = _joints(joints, ["rad" if one == "deg" else one for one in units], J)
+    turned = [one == "deg" for one in units]
+    done = [name for name in DEGREES if name in given and any(turned)]
+    for name in done:
+        factor = np.where(turned, np.pi / 180.0, 1.0)
+        given[name] = given[name] * (factor if given[name].ndim == 2 else factor[0])
+    notes = (f"Converted from degrees, as asked: {', '.join(done)}.",) if done else ()
+    return Log(time=_array("time", time), joints=known, notes=notes, **given)
 
 
 def log_of_frame(frame: Any, **options: Any) -> Log:
     """Return a log of a table in memory; its columns are recognized by their names, as those of a file are.
 
     Args:
-        frame: of pandas, polars or pyarrow, or a mapping from names to arrays; units may stand in the names (`q [deg]`). An
-            index of pandas that has a name, or holds instants, is a column too.
+        frame: of pandas, polars (a lazy one is collected) or pyarrow, or a mapping from names to arrays; units may stand in the
+            names (`q [deg]`). An index of pandas that has a name, or holds instants, is a column too.
         options: `map`, `names`, `units`, `gear`, `counts`, `motor_side`, `coupling`, `coupling_side`, as `read_log` takes them.
 
     Raises:
         MappingError: the columns do not say what they are; the message lists them.
-        InvalidInput: it is no table, or an option does not fit.
+        InvalidInput: it is no table, it has no rows, or an option does not fit.
     """
     from backdrive.logs.readers.columns import Columns, plain
     from backdrive.logs.readers.mapping import to_log
     from backdrive.logs.readers.units import split
 
+    known = list(inspect.signature(to_log).parameters)
+    check_keywords("from_frame", options, known[1 : known.index("sources")])
     arrays: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
     notes: list[str] = []
-    for name, value in _columns(frame).items():
+    columns = _columns(frame)
+    if columns and not any(value.size for value in columns.values()):
+        raise InvalidInput(
+            f"The table has no rows; its columns are {', '.join(columns)}.",
+            remedy="Give one with samples: a filter may have left none.",
+        )
+    for name, value in columns.items():
         array = _seconds(value)
         array = plain(array) if array is not None else None
         if array is None:
@@ -99,7 +128,12 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
 
 def is_table(value: Any) -> bool:
     """Return whether something is a table that `log_of_frame` takes."""
-    return hasattr(value, "columns") or hasattr(value, "column_names")
+    return _is_lazy(value) or hasattr(value, "columns") or hasattr(value, "column_names")
+
+
+def _is_lazy(value: Any) -> bool:
+    """Return whether something is a lazy frame of polars, whose columns are known once it is collected."""
+    return type(value).__name__ == "LazyFrame" and hasattr(value, "collect")
 
 
 def as_logs(logs: Any) -> list[Log]:
@@ -121,6 +155,7 @@ def as_logs(logs: Any) -> list[Log]:
 
 def _columns(frame: Any) -> dict[str, Any]:
     """Return the columns of a table by name."""
+    frame = frame.collect() if _is_lazy(frame) else frame
     if isinstance(frame, Mapping):
         table = cast("Mapping[Any, Any]", frame)
         return {str(name): np.asarray(value) for name, value in table.items()}
@@ -168,16 +203,16 @@ def _array(name: str, value: Any) -> np.ndarray:
             remedy="Give numbers, (n,) or (n, J).",
         ) from error
     if array.dtype.kind != "f" or array.ndim not in (1, 2):
-        what = f"of shape {array.shape}" if array.dtype.kind == "f" else f"a {type(value).__name__}"
+        what = "an array of complex numbers" if array.dtype.kind == "c" else f"a {type(value).__name__}"
+        what = f"of shape {array.shape}" if array.dtype.kind == "f" else what
         raise InvalidInput(f"`{name}` is {what}.", remedy="Give an array of numbers, (n,) or (n, J).")
     return array
 
 
-def _joints(joints: Any, unit: Any, J: int) -> tuple[Joint, ...]:
+def _joints(joints: Any, units: list[Any], J: int) -> tuple[Joint, ...]:
     """Return the joints of J columns."""
     names = [f"joint_{j + 1}" for j in range(J)] if joints is None else joints
     known = as_joints(names)
-    units = [unit] * len(known) if isinstance(unit, str) else list(unit)
     if len(known) != J or len(units) != J:
         raise InvalidInput(
             f"There are {J} columns, {len(known)} joints and {len(units)} units.",

@@ -18,8 +18,12 @@ def read_only(value: Any, name: str) -> np.ndarray:
         if given.dtype == np.float64 and not given.flags.writeable and _owner_is_read_only(given):
             return given
     try:
+        if np.iscomplexobj(cast("Any", value)):
+            raise InvalidInput(f"Log.{name} is an array of complex numbers.", remedy="Give real numbers.")
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError) as error:
+        if isinstance(error, InvalidInput):
+            raise
         raise InvalidInput(
             f"Log.{name} holds something that is not a number.", remedy="Give plain numbers."
         ) from error

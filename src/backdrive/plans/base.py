@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 import numpy as np
 
+from backdrive._upper import Display, upper
 from backdrive.errors import InvalidInput
 from backdrive.parameters import FINITE, NOT_NEGATIVE, POSITIVE, number, whole
 
@@ -31,8 +32,16 @@ class Options(Protocol):
 DEGREE = math.pi / 180.0
 
 
+class ShownPlan(Display):
+    """Base class of all plans: what they show of themselves."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values, as the file of a plan holds them."""
+        return upper("plans.plan_file", "plan_to_dict")(self)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class Plan(ShownPlan):
     """Base class of the plans of one joint. Each plan has `duration` [s] and `windows()`, start and end of the parts from
     which the identification takes samples [s], (k, 2).
 

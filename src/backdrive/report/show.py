@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,8 @@ from backdrive.identification.result import Curve, Identification
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.report import page
 from backdrive.report.alike import both_ways
+from backdrive.report.data import FACES as OF_DATA
+from backdrive.report.face import Face
 from backdrive.report.pictures import canvas
 from backdrive.report.pictures.curve import curves
 from backdrive.report.pictures.force import LEGEND, draw_force, force_legend
@@ -36,27 +38,6 @@ LONGEST_NAME = 24  # of a joint that a table for a terminal keeps on one line [c
 WORDS = ("moving", "reversing", "at rest")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Face:
-    """The parts of a result that can be displayed.
-
-    Attributes:
-        title: what it is.
-        lead: the answer in a sentence or two.
-        head: of the table.
-        rows: of the table.
-        warnings: warnings and remarks, the most important first.
-        figure: returns the picture in a theme; None: there is none.
-    """
-
-    title: str
-    lead: str
-    head: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    warnings: Sequence[str] = ()
-    figure: Callable[[canvas.Theme], Any] | None = None
-
-
 def face(result: Any) -> Face:
     """Return the parts of a result that can be displayed.
 
@@ -67,7 +48,7 @@ def face(result: Any) -> Face:
         result,
         tuple(FACES),
         "result",
-        "Give what `identify`, `compare`, `tune` or `estimate_force` returned.",
+        "Give what `identify`, `validate`, `compare`, `tune` or `estimate_force` returned, a log or a plan.",
     )
     return next(make(result) for kind, make in FACES.items() if isinstance(result, kind))
 
@@ -112,7 +93,8 @@ def picture(result: Any) -> Any:
     shown = face(result)
     if shown.figure is None:
         raise InvalidInput(
-            f"There is no picture of {shown.title}.", remedy="Tune with draw=True for the safe region."
+            f"There is no picture of this: {shown.title}.",
+            remedy="`summary()` and `report(path)` show it as a table.",
         )
     with canvas.house_style():
         figure = shown.figure(canvas.LIGHT)
@@ -319,4 +301,5 @@ FACES: dict[type, Callable[[Any], Face]] = {
     Comparison: _of_comparison,
     Tuning: _of_tuning,
     ForceEstimate: _of_force,
+    **OF_DATA,
 }

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
-from backdrive._arguments import NUMBER, SEED, check_arguments, optional
+from backdrive._arguments import NUMBER, SEED, check_arguments, check_keywords, optional
 from backdrive.engine.servo import Servo
 from backdrive.errors import InvalidInput, NotIdentifiable, check_type
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
+from backdrive.parameters import number
 from backdrive.plans import Plan
 from backdrive.simulation import open_loop
 from backdrive.simulation.joint import JointSimulation
 
 BANDWIDTH = 100.0  # of the servo that follows a motion [rad/s]
+#: Arguments of `simulate`; fields of a simulated joint replace those of the model.
+ARGUMENTS = (
+    *("model", "plan", "joint", "inertia", "seed", "rate"),
+    *(field.name for field in fields(JointSimulation)),
+)
 
 
 def joint_of(friction: JointFriction, *, inertia: float | None = None, **more: Any) -> JointSimulation:
@@ -36,6 +43,7 @@ def joint_of(friction: JointFriction, *, inertia: float | None = None, **more: A
             f"Joint '{friction.joint.name}': the model contains no inertia (a sweep removes it by symmetry).",
             remedy="Give inertia=... [kg.m^2 or kg], or identify by `motion`.",
         )
+    inertia = number("inertia [kg.m^2 or kg]", inertia)
     counts = friction.joint.encoder_counts
     limit = friction.actuator.torque_limit if friction.actuator else None
     fields: dict[str, Any] = {
@@ -87,10 +95,11 @@ def simulate(
         "plan of one joint",
         "Give one of `backdrive.plans`, such as Sweep(stroke=0.3, top_speed=2.0, cycles=4).",
     )
+    check_keywords("simulate", more, ARGUMENTS)
     kinds = {"inertia": optional(NUMBER), "seed": SEED, "rate": NUMBER}
     check_arguments(kinds, {"inertia": inertia, "seed": seed, "rate": rate})
     if isinstance(model, JointSimulation):
-        return open_loop.simulate(model, plan, seed=seed, rate=rate)
+        return open_loop.simulate(model.replace(**more), plan, seed=seed, rate=rate)
     check_type(
         model, FrictionModel, "friction model", "Give one, such as identify(log).model, or a JointSimulation."
     )

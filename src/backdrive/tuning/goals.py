@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
+from backdrive._catalog import did_you_mean
 from backdrive.control import Admittance, BareLoop, JointLoop
 from backdrive.control.compensators import Compensator, Dither, alg_fc, nothing
 from backdrive.control.estimators.external import ExternalForce
@@ -42,6 +44,15 @@ DECAYS = (1.0, 500.0)  # limits of alpha [1/s]: torque gone 3 s after a stop, an
 BACK_OFF = 0.96  # factor on R, or on another calming parameter, if a joint does not come to rest
 SOFTER = 0.85  # factor on K as well, if R alone is not sufficient
 GOALS = ("backdrive", "track", "estimate", "admit")
+
+
+def check_goal(name: Any) -> None:
+    """Refuse what is no goal; the message names those that there are."""
+    if not isinstance(name, str) or name not in GOALS:
+        raise InvalidInput(
+            f"There is no goal {name!r}.",
+            remedy=f"{did_you_mean(str(name), GOALS)}Goals are {', '.join(GOALS)}.",
+        )
 
 
 def compensator(facts: Facts, z: Numbers, dither: Dither | None = None) -> Compensator:
@@ -171,8 +182,7 @@ def goal_of(name: str, facts: Facts, stroke: Stroke, base: Numbers | None = None
         InvalidInput: there is no such goal or wish.
     """
     check_wish(wish)
-    if name not in GOALS:
-        raise InvalidInput(f"There is no goal '{name}'.", remedy=f"Goals are {', '.join(GOALS)}.")
+    check_goal(name)
     K_low, K_c = facts.stiffness_interval[0], facts.stiffness
     spring = {"stiffness": (SOFTEST * K_low / K_c, facts.stiffest / K_c), "decay": DECAYS}
     corners, middle = members_.corners(facts), members_.nominal(facts)

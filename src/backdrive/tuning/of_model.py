@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import inspect
 from typing import Any
 
+from backdrive._arguments import check_keywords
 from backdrive.errors import InvalidInput, check_type
 from backdrive.model import FrictionModel
 from backdrive.tuning.facts import facts_of
+from backdrive.tuning.goals import check_goal
 from backdrive.tuning.propose import tune as tune_facts
 from backdrive.tuning.tuning import Tuning
 
 #: Options of the search; all others describe the joint (`facts_of`).
 OF_SEARCH = ("wish", "stroke", "joints", "seed", "draw", "dither", "trip_speed", "limit", "effort", "say")
+#: Options of the joint.
+OF_JOINT = tuple(inspect.signature(facts_of).parameters)[1:]
 
 
 def tune_joint(
@@ -41,11 +46,10 @@ def tune_joint(
         raise InvalidInput(
             f"The model has {len(model.joints)} joints.", remedy=f"Name one: {', '.join(model.names)}."
         )
+    check_goal(goal)
+    check_keywords("tune", more, ("model", "joint", "goal", "top_speed", *OF_JOINT, *OF_SEARCH))
     search = {name: more.pop(name) for name in OF_SEARCH if name in more}
     if top_speed is not None:
         search["trip_speed"] = top_speed
-    try:
-        facts = facts_of(model.joint(0 if joint is None else joint), **more)
-    except TypeError as error:
-        raise InvalidInput(f"tune: {error}.", remedy="See `help(backdrive.tuning.facts_of)`.") from error
+    facts = facts_of(model.joint(0 if joint is None else joint), **more)
     return tune_facts(facts, goal, **search)

@@ -13,13 +13,13 @@ from backdrive._arguments import FLAG, FUNCTION, NUMBER, SEED, WORD, check_argum
 from backdrive._blas import on_one_thread
 from backdrive.control import BareLoop, JointLoop, torque_limit
 from backdrive.control.compensators import Dither
-from backdrive.errors import InvalidInput, LimitWarning, NotIdentifiable
+from backdrive.errors import LimitWarning, NotIdentifiable
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, safety, scenes
 from backdrive.tuning.bounds import check_numbers
 from backdrive.tuning.evaluation import evaluate
 from backdrive.tuning.facts import Facts
-from backdrive.tuning.goals import AT_REST, GOALS, Goal, Numbers, compensator, filter_gains, goal_of
+from backdrive.tuning.goals import AT_REST, Goal, Numbers, check_goal, compensator, filter_gains, goal_of
 from backdrive.tuning.margins import margins, region, residual_break_away
 from backdrive.tuning.members import Member
 from backdrive.tuning.reasons import dither_bound, dither_frequency, edges, numbers_of
@@ -111,8 +111,7 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
         NotIdentifiable: no numbers are safe over the intervals.
     """
     check_arguments(ARGUMENTS, locals())
-    if goal not in GOALS:
-        raise InvalidInput(f"There is no goal '{goal}'.", remedy=f"Goals are {', '.join(GOALS)}.")
+    check_goal(goal)
     trip_speed = facts.trip_speed if trip_speed is None else trip_speed
     check_numbers(f"Joint '{facts.name}'", joints=joints, seed=seed, trip_speed=trip_speed, limit=limit)
     if trip_speed is not None:
@@ -167,6 +166,8 @@ def tune(  # noqa: PLR0913  (its options are given by keyword)
         region=picture,
         notes=tuple(notes),
         seed=seed,
+        facts=facts,
+        stroke=stroke,
     )
     if loops:
         say("Trying algFC2, part 5 of 5")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.laws import Growth, Law
 from backdrive.laws.base import Rate
-from backdrive.tuning.facts import scale_rate
+from backdrive.tuning.facts import Facts, scale_rate
 
 LEADING = 20.0  # torque of the position controller under an admittance, by F [-]
 CONTACT = ("stiffness", "decay_rate")
@@ -77,9 +78,11 @@ class Tuning(Display):
         numbers: by name.
         scores: scores of the proposal, no compensation, the fixed rule and the thesis' numbers, and whether each is safe.
         margins: stability margins of the proposal, by name with unit.
-        region: the safe region for the figure; empty where it was not asked for.
+        region: the safe region for the figure; empty unless it was made with `draw=True`; `plot` then computes it.
         notes: what was assumed, in sentences.
         seed: of the search.
+        facts: data of the joint, from which `plot` computes the region; None of a tuning that was read from a file.
+        stroke: of the hand, an object of `tuning.scenes`, or None likewise.
     """
 
     joint: str
@@ -99,6 +102,8 @@ class Tuning(Display):
     region: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     seed: int = 0
+    facts: Facts | None = field(default=None, repr=False, compare=False)
+    stroke: Any = field(default=None, repr=False, compare=False)
 
     def __getitem__(self, name: str) -> float:
         if name not in self.numbers:
@@ -111,6 +116,19 @@ class Tuning(Display):
     def to_dict(self) -> dict[str, Any]:
         """Return plain values, as the tuning file holds them."""
         return upper("tuning.tuning_file", "plain")(self)
+
+    def plot(self) -> Any:
+        """Return a picture of the safe region as a matplotlib figure; the region is computed once, which takes some seconds.
+
+        Raises:
+            InvalidInput: the goal is `estimate` or `admit`, or the tuning was read from a file without its region.
+            MissingExtra: matplotlib is not installed.
+        """
+        return upper("report.show", "picture")(self if self.region else self._with_region)
+
+    @cached_property
+    def _with_region(self) -> Tuning:
+        return replace(self, region=upper("tuning.region", "region_of")(self))
 
     def compensator(self, *, dither: bool = True, switching: bool = False) -> Compensator:
         """Return the friction compensator; it gives no torque if the goal is an estimate.

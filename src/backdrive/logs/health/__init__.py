@@ -6,19 +6,22 @@ wrapped integer is not reported as an outlier too, nor a velocity in degrees as 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from backdrive._arguments import known_keywords
 from backdrive._catalog import lookup
-from backdrive.errors import UnhealthyLog, check_type
+from backdrive._documents import is_several
+from backdrive.errors import InvalidInput, UnhealthyLog
 from backdrive.logs.health import few_samples, unsorted_time
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._finding import Check, Finding, Repair, Severity
 from backdrive.logs.log import Log
+from backdrive.logs.tables import as_logs
 
 __all__ = ["CHECKS", "Check", "Finding", "Repair", "Severity", "check", "gate", "mend"]
 
@@ -51,15 +54,32 @@ CHECKS: tuple[Check, ...] = tuple(
 )
 
 
-def check(log: Log, *, plan: Any = None) -> list[Finding]:
+@known_keywords
+def check(logs: Log | Sequence[Log] | Any, *, plan: Any = None) -> list[Finding]:
     """Return all findings on a log, in the order of `CHECKS`; an empty list means that no fault was found.
 
     Args:
-        log: any log; it is not changed.
-        plan: the motion plan it was recorded with; the log's own, if None.
+        logs: one log or data frame, or several, as `identify` takes them; they are not changed.
+        plan: the motion plan it was recorded with, or one a log; the log's own, if None.
+
+    Returns:
+        The findings; of several logs, log by log, each with the number of its log (`Finding.log`).
+
+    Raises:
+        InvalidInput: there is no log, or something that is none.
     """
-    check_type(log, Log, "log", "Pass one, of `read_log`, `Log.from_arrays` or `Log.from_frame`.")
-    return _examine(log, plan, frozenset())[0]
+    several = as_logs(logs)
+    if not several:
+        raise InvalidInput(
+            "There is no log to check.", remedy="Pass at least one `Log`, as `read_log` gives it."
+        )
+    plans = list(plan) if is_several(plan) else [plan] * len(several)
+    if len(plans) != len(several):
+        raise InvalidInput(
+            f"{len(plans)} plans for {len(several)} logs.", remedy="Give one plan, or one for each log."
+        )
+    found = [_examine(log, one, frozenset())[0] for log, one in zip(several, plans, strict=True)]
+    return [replace(f, log=k) if k else f for k, findings in enumerate(found) for f in findings]
 
 
 def gate(log: Log, accept: Iterable[str] = (), repair: bool = False, *, plan: Any = None) -> Log:

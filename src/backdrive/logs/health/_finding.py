@@ -31,6 +31,7 @@ class Finding:
         value: the size of the fault, in the unit that the sentence names [any].
         where: rows of the log that was checked, ascending, (m,); None when all rows are meant.
         repairable: a safe repair exists, which `gate(..., repair=True)` makes.
+        log: number of the log among those that were checked together, from 0.
     """
 
     name: str = ""
@@ -42,6 +43,7 @@ class Finding:
     channel: str | None = None
     where: np.ndarray | None = None
     repairable: bool = False
+    log: int = 0
 
     def to_dict(self) -> dict[str, object]:
         """Return plain values for JSON; at most a thousand rows are listed, all are counted."""
