@@ -44,12 +44,14 @@ __all__ = [
     "outliers",
     "run_fleet",
     "run_query",
+    "silent_joints",
     "write_page",
 ]
 
 if TYPE_CHECKING:
     from backdrive.fleet.drift import Drift as Drift
     from backdrive.fleet.drift import drifts as drifts
+    from backdrive.fleet.entries import LogEntry as LogEntry
     from backdrive.fleet.history import History as History
     from backdrive.fleet.history import histories as histories
     from backdrive.fleet.page import write_page as write_page
@@ -62,7 +64,7 @@ if TYPE_CHECKING:
     from backdrive.fleet.run import run_fleet as run_fleet
     from backdrive.fleet.simulation import Event as Event
     from backdrive.fleet.simulation import FleetSimulation as FleetSimulation
-    from backdrive.fleet.sources import LogEntry as LogEntry
+    from backdrive.fleet.silence import silent_joints as silent_joints
     from backdrive.fleet.sources import list_logs as list_logs
     from backdrive.fleet.store import Store as Store
 
