@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.identification import lateness
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
@@ -46,9 +47,16 @@ def delay(case: Case) -> Remark | None:
     growing = (
         case.friction.law.growth is not None
     )  # friction over load looks like a delay to a curve of the velocity alone
-    found = res.delay(*([np.sign(res.velocity) * _static_load(case, res)] if growing else []))
+    others = [np.sign(res.velocity) * _static_load(case, res)] if growing else []
+    found = lateness.delay(res, *others)
     if found is None or abs(found[0]) < LATE or found[1] > WORTH:
         return None
+    beside = lateness.delay_beside_distance(res, *others)
+    if beside is not None and abs(beside[0]) < LATE:
+        return None  # friction lags by itself
+    sure = beside is not None and beside[1] <= WORTH
+    if beside is not None and sure:
+        found = beside
     known = max(
         (abs(case.value(term)[0]) for term in ("delay", "time_slip") if term in case.friction.dynamics),
         default=0.0,
@@ -58,8 +66,9 @@ def delay(case: Case) -> Remark | None:
         return None  # `delay_range` says so with its error
     way = "later" if found[0] > 0.0 else "earlier"
     return Remark(
-        severity="note" if told else "care",
-        sentence=f"Torque comes about {1e3 * abs(found[0]):.0f} ms {way} than motion.",
+        severity="note" if told or not sure else "care",
+        sentence=f"Torque comes about {1e3 * abs(found[0]):.0f} ms {way} than motion"
+        + ("." if sure else ", or friction builds up over a distance: the motion does not tell which."),
     )
 
 
