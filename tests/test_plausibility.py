@@ -6,6 +6,7 @@ import pytest
 from _synthetic import any_motion
 from backdrive import identify
 from backdrive.errors import InvalidInput
+from backdrive.identification.lateness import delay, delay_beside_distance
 from backdrive.identification.names import same_names
 from backdrive.identification.quality import grade
 from backdrive.logs.log import Joint, Log
@@ -136,8 +137,34 @@ def test_a_stribeck_peak_is_no_delay(late, said):
     tau = np.roll(tau, round(late * rate)) + 0.1 * np.random.default_rng(1).standard_normal(tau.size)
     log = Log(time=np.arange(q.size) / rate, joints=(Joint(name="j1"),), position=q, torque=tau)
     case = identify(log, method="motion").evidence[0].residual
-    found, left = (case and case.delay()) or (0.0, 1.0)
+    found, left = (case and delay(case)) or (0.0, 1.0)
     assert (abs(found - late) < 0.011) if said else (abs(found) < 0.011 or left > 0.96)
+
+
+def soft_log(width, late=0.0, ripple=0.0):
+    """Return a log of a joint whose friction builds up over a distance [rad] after each reversal, torque late by a time [s]."""
+    rate, z, friction = 500.0, 0.0, []
+    t = np.arange(7500) / rate
+    waves = ((0.06, 1.3, 0.3), (0.02, 3.6, 1.1), (0.008, 5.9, 2.0))
+    q, dq, ddq = (sum(f(a, w, w * t + p) for a, w, p in waves) for f in (
+        lambda a, w, x: a * np.sin(x), lambda a, w, x: a * w * np.cos(x), lambda a, w, x: -a * w * w * np.sin(x),
+    ))  # fmt: skip
+    for step in np.diff(q, prepend=q[0]):
+        z = float(np.clip(z + step, -width, width))
+        friction.append(1.5 * z / width)
+    tau = np.array(friction) * (1.0 + ripple * np.sin(40.0 * q)) + 0.4 * dq + 0.15 * ddq
+    tau = np.interp(t - late, t, tau) + 0.05 * np.random.default_rng(1).standard_normal(t.size)
+    return Log(time=t, joints=(Joint(name="j1"),), position=q, torque=tau)
+
+
+@pytest.mark.parametrize(
+    ("width", "late", "said"), [(2e-3, 0.0, False), (4e-3, 0.0, False), (1e-4, 0.05, True)]
+)
+def test_friction_that_builds_up_over_a_distance_is_no_delay(width, late, said):
+    case = identify(soft_log(width, late), method="motion").evidence[0].residual
+    assert delay(case)[0] > 0.014  # by a shift alone, both are late
+    assert any("ms later" in s for s in remarks(soft_log(width, late))[1]) is said
+    assert delay_beside_distance(case)[0] == pytest.approx(late, abs=0.011)
 
 
 def test_gravity_that_is_the_known_torque_again_is_not_told_from_it(sound):

@@ -207,6 +207,24 @@ def test_an_end_is_an_outlier_beyond_all_others_by_more_than_their_range(n, up):
     assert high > low
 
 
+@pytest.mark.parametrize(
+    ("first", "starting", "said"), [(0.3, True, False), (0.3, False, True), (5.0, True, True)]
+)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize("back", [False, True])
+def test_a_start_from_rest_and_a_stop_are_no_outliers(first, starting, said, way, back):
+    rate, n = 50.0, 150
+    t = np.arange(n) / rate
+    q = way * np.where(t < 0.3, t * t / 0.6, t - 0.15) if starting else way * t
+    tau = way * (1.6 + 0.05 * np.sin(3.0 * t))
+    tau[0] = way * first
+    if back:
+        q, tau = -q[::-1], tau[::-1]
+    log = log_of(n, 1.0 / rate, position=q, torque=tau)
+    found = [f.where.tolist() for f in outlier.find(Exam(log)) if f.channel == "torque"]
+    assert found == ([[n - 1 if back else 0]] if said else [])
+
+
 @pytest.mark.parametrize(("steps", "said"), [(4, False), (5, True)])
 def test_and_by_more_than_four_steps_of_the_channel(steps, said):
     x = 0.5 * (np.arange(500) // 100 % 2)

@@ -246,3 +246,25 @@ def test_plateaus_last_and_keep_their_level():
     assert not whole_run(scarce, 0) and find_runs(scarce, 0) == []
     holed = np.where(np.arange(40) % 9 == 0, np.nan, 1.0)
     assert whole_run(Log(time=np.arange(40) / rate, joints=(Joint(name="a"),), velocity=holed), 0)
+
+
+def test_runs_that_the_noise_of_an_encoder_hides_are_runs():
+    rate, n = 500.0, 1500
+    t = np.arange(n) / rate
+    rng = np.random.default_rng(0)
+    noise = 2e-3 * rng.standard_normal((10, n))
+    logs = [
+        Log(
+            time=t,
+            joints=(Joint(name="a"),),
+            position=speed * np.where(t < 0.3, t * t / 0.6, t - 0.15) + noise[k],
+            torque=np.sign(speed) * np.full(n, 1.5) + 0.05 * rng.standard_normal(n),
+        )
+        for k, speed in enumerate(np.outer((0.05, 0.1, 0.15, 0.2, 0.25), (1.0, -1.0)).ravel())
+    ]
+    assert all(whole_run(log, 0) for log in logs)
+    found = [run.velocity for log in logs for run in find_runs(log, 0)]
+    assert np.allclose(found, np.outer((0.05, 0.1, 0.15, 0.2, 0.25), (1.0, -1.0)).ravel(), rtol=0.06)
+    to_and_fro = 0.002 * np.sin(20.0 * t) + 0.005 * t + noise[0]  # moves by no more than noise and drifts
+    assert not whole_run(logs[0].replace(position=0.05 * np.sin(20.0 * t) + 0.005 * t + noise[0]), 0)
+    assert not whole_run(logs[0].replace(position=to_and_fro), 0)

@@ -9,7 +9,7 @@ import numpy as np
 from _coverage_cells import to_log
 from _independent import Joint, Record
 from _verdicts_kinds import HIDDEN, KINDS, RIGHT, Kind
-from _verdicts_scenes import MOTIONS, Scene, scene, tell
+from _verdicts_scenes import MOTIONS, Scene, scene, softer, tell
 
 from backdrive import check, identify
 from backdrive.errors import BackdriveError
@@ -85,7 +85,7 @@ def outcome(table: str, kind: int, seed: int, level: float = 0.0) -> Outcome:
     about: Kind | None = {"kind": KINDS, "right": RIGHT, "hidden": HIDDEN}.get(table, (None,))[kind]
     if about is None:
         motion = seed % len(MOTIONS)
-        clean = scene(seed, MOTIONS[motion])
+        clean = softer(scene(seed, MOTIONS[motion]))
         twin = planted = clean.logs()
         said = base = answer(planted, clean.joint, {})
     else:

@@ -176,8 +176,9 @@ def starting(scene: Scene, size: float) -> list[Record]:
         speed = (1.0 if k % 2 == 0 else -1.0) * scene.top * (1 + k // 2) / 5.0
         t = np.arange(steps(3.0)) * 1e-4
         runs.append(speed * np.where(t < size, 0.5 * t * t / size, t - 0.5 * size))
-    made = replace(scene, joint=joint, references=tuple(runs)).logged(rate=500.0, counts=4096.0).logs()
     rng = scene.rng()
+    rate = float(rng.choice((50.0, 100.0, 200.0, 500.0, 1000.0)))
+    made = replace(scene, joint=joint, references=tuple(runs)).logged(rate=rate, counts=4096.0).logs()
     return [replace(m, position=m.position + 2e-3 * rng.standard_normal(m.time.size)) for m in made]
 
 

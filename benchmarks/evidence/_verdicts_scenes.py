@@ -94,6 +94,12 @@ def scene(seed: int, motion: str, *, rate: float | None = None, gravity: bool | 
     )
 
 
+def softer(clean: Scene) -> Scene:
+    """Return a scene that in three of ten cases builds its friction up over 1e-3 to 5e-3 rad."""
+    rng = np.random.default_rng([17, clean.seed])
+    return clean.of(width=rng.uniform(1e-3, 5e-3)) if rng.random() < 0.3 else clean
+
+
 def references(motion: str, top: float, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """Return the motion, one array of positions a log."""
     if motion == "sines":

@@ -11,9 +11,10 @@ Sizes are those that move Coulomb or viscous so in half of the logs, where a kin
 move nothing are required at the size in the table all the same. A peak below the slowest speed leaves no trace: there the answer
 must say from which speed on it knows. Torque ramps must be read, and right; a searched law must follow a Stribeck peak or say not.
 
-Clean logs have 100 to 5000 Hz, with and without gravity. A constant gain, a uniform clock, both signs flipped stay good, and so
-do strokes under half a radian about centers that span 3.2 rad. Where a check offers a repair, the repaired law may not lie farther
-from the truth, by more than three stated errors and 2 %, than without; nor may one be called good that lies off by 5 %.
+Clean logs have 100 to 5000 Hz, with and without gravity, and presliding over up to 5e-3 rad. A constant gain, a uniform clock, both
+signs flipped stay good, and so do strokes under half a radian about centers that span 3.2 rad. Where a check offers a repair, the
+repaired law may not lie farther from the truth, by more than three stated errors and 2 %, than without; nor may one be called good
+that lies off by 5 %.
 
     python benchmarks/evidence/verdicts.py --jobs 8
     python benchmarks/evidence/verdicts.py --only clock --logs 5

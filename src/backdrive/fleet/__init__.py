@@ -62,9 +62,9 @@ if TYPE_CHECKING:
     from backdrive.fleet.query import run_query as run_query
     from backdrive.fleet.run import Outcome as Outcome
     from backdrive.fleet.run import run_fleet as run_fleet
+    from backdrive.fleet.silence import silent_joints as silent_joints
     from backdrive.fleet.simulation import Event as Event
     from backdrive.fleet.simulation import FleetSimulation as FleetSimulation
-    from backdrive.fleet.silence import silent_joints as silent_joints
     from backdrive.fleet.sources import list_logs as list_logs
     from backdrive.fleet.store import Store as Store
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.identification import lateness
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
@@ -47,9 +48,16 @@ def delay(case: Case) -> Remark | None:
         return None
     # in a fit of a curve over velocity alone, friction that grows with the load looks like a delay
     growing = case.friction.law.growth is not None
-    found = res.delay(*([np.sign(res.velocity) * _static_load(case, res)] if growing else []))
+    others = [np.sign(res.velocity) * _static_load(case, res)] if growing else []
+    found = lateness.delay(res, *others)
     if found is None or abs(found[0]) < LATE or found[1] > WORTH:
         return None
+    beside = lateness.delay_beside_distance(res, *others)
+    if beside is not None and abs(beside[0]) < LATE:
+        return None  # friction lags by itself
+    sure = beside is not None and beside[1] <= WORTH
+    if beside is not None and sure:
+        found = beside
     known = max(
         (abs(case.value(term)[0]) for term in ("delay", "time_slip") if term in case.friction.dynamics),
         default=0.0,
@@ -59,8 +67,9 @@ def delay(case: Case) -> Remark | None:
         return None  # `delay_range` reports it with its standard error
     way = "later" if found[0] > 0.0 else "earlier"
     return Remark(
-        severity="note" if told else "care",
-        sentence=f"Torque comes about {1e3 * abs(found[0]):.0f} ms {way} than motion.",
+        severity="note" if told or not sure else "care",
+        sentence=f"Torque comes about {1e3 * abs(found[0]):.0f} ms {way} than motion"
+        + ("." if sure else ", or friction builds up over a distance: the motion does not tell which."),
     )
 
 

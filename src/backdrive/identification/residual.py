@@ -1,4 +1,4 @@
-"""The torque residual of a model, in short means, and tests of its causes: position, load, time, delay.
+"""The torque residual of a model, in short means, and tests of what explains it: position, load, time.
 
 A column explains the residual if an F test shows that its coefficient differs from zero. The test's covariance comes from the
 scores of blocks of neighbouring means (Liang & Zeger 1986), so noise may be coloured. The terms of any single-axis model
@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 from scipy.special import fdtrc
 
-from backdrive.identification.curves import basis
 from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.logs import filters
 from backdrive.logs.resolution import resolution
@@ -24,10 +23,7 @@ from backdrive.logs.resolution import resolution
 MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
 FEWEST_BLOCKS = 8  # least number of blocks for a test, in excess of the number of columns
-SECTIONS = 6  # number of sections of the curve that is fitted for a delay
 WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
-FEWEST_MOVES = 6  # least number of moves for the estimate of a delay
-LATEST = 0.15  # longest delay of the search [s]
 FINEST = 60.0  # largest wave number over position [rad/rad or rad/m]
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
 MOST = 4_000_000  # largest product of means and wave numbers in the search for a wave
@@ -120,7 +116,7 @@ class Residual:
     @cached_property
     def _basis(self) -> np.ndarray:
         """Return an orthonormal basis of the single-axis columns, (n, r)."""
-        return _orthonormal(self.columns)
+        return orthonormal(self.columns)
 
     @cached_property
     def _error_apart(self) -> np.ndarray:
@@ -227,41 +223,8 @@ class Residual:
         inverse = np.linalg.pinv(gram, rcond=1e-6, hermitian=True)
         return np.einsum("fwi,fwij,fwj->fw", moment, inverse, moment)
 
-    def delay(self, *others: np.ndarray) -> tuple[float, float] | None:
-        """Return the delay of the torque behind the motion [s], and the residual relative to that without a delay [-].
 
-        A friction curve and the other terms of a single axis are fitted to torque at every shift. The result is None if the log
-        is too short, or the best shift is at a limit of the range.
-
-        Args:
-            others: further columns of the joint's model, (n,) each.
-        """
-        reach = round(LATEST / self.period)
-        n = self.time.size
-        if reach < 3 or n < 20 * reach:
-            return None
-        inside = np.arange(reach, n - reach)
-        inside = inside[(self.part[inside - reach] == self.part[inside + reach]) & self.sliding[inside]]
-        moves = 1 + int(np.count_nonzero(np.diff(np.sign(self.velocity[inside]))))
-        if inside.size < 20 * reach // 2 or moves < FEWEST_MOVES:
-            return None
-        speed = np.abs(self.velocity[inside])
-        knots = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, SECTIONS + 1)))
-        every = [
-            self.columns[inside],
-            basis(self.velocity[inside], knots),
-            *(x[inside, None] for x in others),
-        ]
-        columns = _orthonormal(np.hstack(every))
-        torque = self.torque[inside[:, None] + np.arange(-reach, reach + 1)]
-        powers = np.sum((torque - columns @ (columns.T @ torque)) ** 2, axis=0)
-        best = int(np.argmin(powers))
-        if best in (0, 2 * reach):
-            return None  # no minimum: the model lacks a slow effect, and any shift lowers the residual
-        return (best - reach) * self.period, float(np.sqrt(powers[best] / max(powers[reach], 1e-300)))
-
-
-def _orthonormal(columns: np.ndarray) -> np.ndarray:
+def orthonormal(columns: np.ndarray) -> np.ndarray:
     """Return an orthonormal basis of the space spanned by columns, (n, r)."""
     scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     u, s, _ = np.linalg.svd(scaled, full_matrices=False)

@@ -18,12 +18,15 @@ LEAST_TIME = 0.3  # least duration of a plateau inside a longer log [s]
 STEADY = 0.08  # largest standard deviation of the velocity on a plateau, relative to its mean [-]
 SMOOTH = 0.05  # length of the means that locate the start and the stop of a run [s]
 STARTING = 0.5  # first or last speed that indicates a start or a stop, relative to the level [-]
+SLOWER = 0.75  # the same where encoder noise requires longer means, which include a part of the run [-]
 UP_TO_SPEED = 0.95  # speed at which a start has ended, relative to the level [-]
 LEAST_SHARE = 0.5  # least share of constant velocity in a log of one run [-]
 SEEN = 0.25  # least share of the torque's variance within runs that an accepted gravity explains [-]
 SURE = 10.0  # least significance of an accepted gravity that explains less [standard error]
 UNEVEN = 0.25  # largest standard deviation of a steady run's velocity, relative to its mean [-]
 CERTAIN = 3.0  # least significance of a velocity variation above encoder noise [standard error]
+CALM = 0.1  # largest encoder noise in a mean that locates starts and reversals, relative to the velocity [-]
+LONGEST = 0.15  # largest length of such a mean, relative to the log [-]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +90,8 @@ def find_runs(log: Log, joint: str | int) -> list[Run]:
     time, velocity, torque = log.time[good], velocity[good], torque[good]
     turns = log.position is not None and log.joints[0].unit == "rad"
     angle = log.need("position")[good, 0] if turns else None
-    encoder = 0.0 if log.velocity is not None else white_noise(log.need("position")[good, 0])
-    level = _level(velocity, log.period)
+    encoder = _encoder_noise(log, good)
+    level = _level(velocity, log.period, encoder)
     parts = [level] if level else [slice(a, b) for a, b in _plateaus(velocity, log.period)]
     return [
         _run(
@@ -129,8 +132,10 @@ def whole_run(log: Log, joint: str | int) -> bool:
     """Return whether a log has one constant velocity, except for a start and a stop."""
     if len(log) < 20:
         return False
-    velocity = _velocity(log.select(joint))
-    return _level(velocity[np.isfinite(velocity)], log.period) is not None
+    log = log.select(joint)
+    velocity = _velocity(log)
+    good = np.isfinite(velocity)
+    return _level(velocity[good], log.period, _encoder_noise(log, good)) is not None
 
 
 def _velocity(log: Log) -> np.ndarray:
@@ -138,34 +143,59 @@ def _velocity(log: Log) -> np.ndarray:
     return velocity[:, 0]
 
 
-def _level(velocity: np.ndarray, period: float) -> slice | None:
+def _encoder_noise(log: Log, good: np.ndarray) -> float:
+    """Return the noise of the positions that the velocity of one joint is the derivative of [rad or m]; 0 where it is not."""
+    return 0.0 if log.velocity is not None else white_noise(log.need("position")[good, 0])
+
+
+def _level(velocity: np.ndarray, period: float, encoder: float = 0.0) -> slice | None:
     """Return the part of a log with one constant velocity, without start and stop; None if that part is too short.
 
     Args:
         velocity: as measured, noise of an encoder and stick-slip included [rad/s or m/s], (n,).
         period: sampling interval [s].
+        encoder: standard deviation of the noise of the positions that the velocity is the derivative of [rad or m].
     """
     if velocity.size < 20:
         return None
-    smooth = _smooth(velocity, period)
+    moment = _moment(velocity, period, encoder)
+    smooth = _smooth(velocity, period, moment)
     level = float(np.median(smooth))
     way = smooth * np.sign(level)
     reached = np.flatnonzero(way > UP_TO_SPEED * abs(level))
     if not reached.size:
         return None
     begin, end = 0, velocity.size
-    if way[0] < STARTING * abs(level):
-        begin = int(reached[0]) + round(SMOOTH / period)
-    if way[-1] < STARTING * abs(level):
-        end = int(reached[-1]) + 1 - round(SMOOTH / period)
+    first, least = 0, STARTING
+    if moment > SMOOTH:  # means at the very ends are shorter and too noisy
+        first, least = min(round(0.5 * moment / period), velocity.size // 2), SLOWER
+    if way[first] < least * abs(level):
+        begin = int(reached[0]) + round(moment / period)
+    if way[-1 - first] < least * abs(level):
+        end = int(reached[-1]) + 1 - round(moment / period)
     if end - begin < max(LEAST_SHARE * velocity.size, 20):
         return None
     return slice(begin, end) if _keeps_level(velocity[begin:end], smooth[begin:end]) else None
 
 
-def _smooth(velocity: np.ndarray, period: float) -> np.ndarray:
-    """Return centered moving means over `SMOOTH`, shorter at the ends, (n,)."""
-    half = min(round(0.5 * SMOOTH / period), velocity.size // 2)
+def _moment(velocity: np.ndarray, period: float, encoder: float) -> float:
+    """Return how long means of the velocity last in which an encoder's noise hides neither start nor reversal [s].
+
+    A mean is the difference of two positions by its length. It lasts `SMOOTH`, and longer only where no more than noise is seen.
+    """
+    smooth = _smooth(velocity, period, SMOOTH)
+    level = abs(float(np.median(smooth)))
+    noise = encoder / SMOOTH
+    off = float(np.quantile(np.abs(smooth - np.median(smooth)), 0.7))
+    if noise <= CALM * level or off > CERTAIN * noise:
+        return SMOOTH
+    most = LONGEST * velocity.size * period
+    return max(SMOOTH, min(encoder / (CALM * level), most) if level > 0.0 else most)
+
+
+def _smooth(velocity: np.ndarray, period: float, moment: float) -> np.ndarray:
+    """Return centered moving means over a time [s], shorter at the ends, (n,)."""
+    half = min(round(0.5 * moment / period), velocity.size // 2)
     total = np.concatenate([[0.0], np.cumsum(velocity)])
     index = np.arange(velocity.size)
     first, last = np.maximum(index - half, 0), np.minimum(index + half + 1, velocity.size)

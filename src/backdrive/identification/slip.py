@@ -15,6 +15,7 @@ import numpy as np
 
 from backdrive.identification import design, noise, regression
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
+from backdrive.identification.lateness import delay as shift_of
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
@@ -94,7 +95,7 @@ def coarse_delay(stretches: Sequence[Signals]) -> float | None:
         stretches: of one joint.
     """
     means = residual_of([(s, s.torque, s.torque, True) for s in stretches])
-    shift = None if means is None else means.delay()
+    shift = None if means is None else shift_of(means)
     return None if shift is None or abs(shift[0]) < LONG or shift[1] > WORTH else shift[0]
 
 

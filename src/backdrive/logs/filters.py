@@ -154,3 +154,16 @@ def means(x: np.ndarray, width: int) -> np.ndarray:
     """
     rows = x[: x.size // width * width].reshape(-1, width)
     return rows @ np.ones(width) / width
+
+
+def deflections(position: np.ndarray, widths: np.ndarray) -> np.ndarray:
+    """Return the deflection of a bristle, straight at first, as a share of the distance at which it slips [-], (n, w).
+
+    Args:
+        position: [rad or m], (n,).
+        widths: distances at which it slips [rad or m], (w,).
+    """
+    z = np.zeros((position.size, widths.size))
+    for k, step in enumerate(np.diff(position).tolist(), start=1):
+        z[k] = np.minimum(np.maximum(z[k - 1] + step, -widths), widths)
+    return z / widths

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from backdrive.logs.filters import deflections
 from backdrive.logs.health._exam import Exam, once
 
 #: Length of each running mean, and the fewest samples: before the terms are made, and after.
@@ -163,10 +164,7 @@ def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:
     for q, _, _ in _path(exam, j) or []:
         if not q.size:
             continue
-        z = np.zeros((q.size, widths.size))
-        for k, step in enumerate(np.diff(q).tolist(), start=1):
-            z[k] = np.minimum(np.maximum(z[k - 1] + step, -widths), widths)
-        parts.append(sparse((z / widths).T, heavy, reach).T)
+        parts.append(sparse(deflections(q, widths).T, heavy, reach).T)
     return np.concatenate(parts)
 
 

@@ -30,6 +30,8 @@ CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "
 _USUAL, _LOCAL, _SMOOTH, _STEPS, _RANGE = 2.5, 3.0, 8.0, 4.0, 1e-2
 #: An outlier this many times as far away as the range of all other samples would dominate a least-squares fit.
 _SPOILS = 2.0
+#: A joint starts or stops where it moves, in this time [s], less than this share of the usual way.
+_MOMENT, _AT_REST = 0.04, 0.5
 
 
 @check("outlier", "single samples far from both their neighbours")
@@ -149,14 +151,37 @@ def _usual_excess(exam: Exam, channel: str, j: int) -> tuple[float, int]:
 
 
 def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
-    """Return the first and last row where they lie outside the range of all others by more than that range."""
+    """Return the first and last row where they lie outside the range of all others by more than that range.
+
+    At a start from rest, and at a stop, torque and velocity differ from all others by up to their size, and are sound.
+    """
     x = exam.log.channels[channel][:, j]
     survey = exam.survey(channel)
     found: list[int] = []
-    for row, rest in ((0, x[1:]), (x.size - 1, x[:-1])):
+    resting = _resting_ends(exam, j) if channel not in ("position", "second_encoder") else (False, False)
+    for row, rest, at_rest in ((0, x[1:], resting[0]), (x.size - 1, x[:-1], resting[1])):
         if x[row] not in (survey.low[j], survey.high[j]):
             continue
         low, high = float(rest.min()), float(rest.max())
-        if max(low - x[row], x[row] - high) > max(high - low, 4 * exam.quantum(channel, j)):
+        away = max(low - x[row], x[row] - high)
+        starts = at_rest and away <= max(-low, high)
+        if not starts and away > max(high - low, 4 * exam.quantum(channel, j)):
             found.append(row)
     return np.array(found, np.intp)
+
+
+def _resting_ends(exam: Exam, j: int) -> tuple[bool, bool]:
+    """Return whether a joint that mostly moves starts from rest, and whether it stops at the end."""
+    n = len(exam.log)
+    if exam.usable("position", j) and exam.period > 0:
+        step = max(2, round(_MOMENT / exam.period))
+        if step >= n:
+            return False, False
+        q = exam.column("position", j)
+        moved = np.abs(q[step:] - q[:-step])
+    elif exam.usable("velocity", j):
+        moved = np.abs(exam.column("velocity", j))
+    else:
+        return False, False
+    usual = _AT_REST * float(np.median(moved))
+    return bool(moved[0] < usual), bool(moved[-1] < usual)

@@ -28,8 +28,9 @@ SAMPLES, SECONDS = 1.5, 3e-3
 #: A velocity without a position may come out of a filter: in samples, and in seconds.
 _FILTER_SAMPLES, _FILTER_SECONDS = 8.0, 40e-3
 #: A slip must exceed this many standard errors, reduce the misfit to this share, and leave at most this part of the torque
-#: unexplained. If the slip removes nearly all of the misfit, the standard error need not be small.
+#: unexplained. If the slip removes nearly all of the misfit, fewer standard errors suffice.
 _SURE, _LEFT, _CLEAR, _MISFIT = 6.0, 0.45, 0.2, 0.25
+_LEAST = 2.0
 #: Effect of a slip, as a share of the torque's scatter, above which it is reported; above the second it spoils a fit.
 _WORTH, _SPOILS = 0.015, 0.05
 #: If a single shift of the whole log is the cause, a spoiling slip leaves at most this share of the misfit [1].
@@ -70,9 +71,9 @@ def find(exam: Exam) -> Iterator[Finding]:
     """Report torques that are explained far better by the motion some samples earlier or later.
 
     The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags,
-    are left out. The standard error comes from leaving out one stretch of the log at a time. Friction that builds up over a
-    distance is not a slip, although it looks like one in a slow joint under gravity. If a low pass explains the torque better
-    than any shift, no shift can repair it.
+    are left out. The standard error comes from leaving out one stretch of the log at a time. A log that moves in one direction
+    only shows too few changes of torque to time them. Friction that builds up over a distance is not a slip, although it looks
+    like one in a slow joint under gravity. If a low pass explains the torque better than any shift, no shift can repair it.
     """
     for j, joint in exam:
         slip = estimate(exam, j)
@@ -111,7 +112,8 @@ def _certain(exam: Exam, j: int, slip: Slip) -> bool:
     known = exam.usable("position", j)
     samples, seconds = (SAMPLES, SECONDS) if known else (_FILTER_SAMPLES, _FILTER_SECONDS)
     large = abs(slip.samples) >= max(samples, seconds / exam.period) and abs(slip.samples) < REACH - 1
-    sure = (abs(slip.samples) > _SURE * slip.error and slip.left < _LEFT) or slip.left < _CLEAR
+    errors = abs(slip.samples) / max(slip.error, 1e-12)
+    sure = (errors > _SURE and slip.left < _LEFT) or (errors > _LEAST and slip.left < _CLEAR)
     return large and sure and slip.misfit < _MISFIT and slip.effect > _WORTH
 
 
@@ -152,7 +154,7 @@ def _by_low_pass(exam: Exam, j: int, slip: Slip) -> float:
 def estimate(exam: Exam, j: int) -> Slip | None:
     """Return the slip of a joint's torque; None where the motion does not tell."""
     m = motion(exam, j, REACH)
-    if m is None or m.fast.sum() < _FEWEST:
+    if m is None or m.fast.sum() < _FEWEST or not _reverses(m.velocity[m.fast]):
         return None
     if np.std(exam.steps[exam.steps < 2 * exam.period]) > LIMIT * exam.period:
         return None  # timing cannot be estimated with an uneven clock
@@ -177,6 +179,11 @@ def estimate(exam: Exam, j: int) -> Slip | None:
         return None
     left_over, effect = np.sqrt(then / variance), np.sqrt((now - then) / variance)
     return Slip(best, jackknife(left), float((then - noise) / (now - noise)), float(left_over), float(effect))
+
+
+def _reverses(velocity: np.ndarray) -> bool:
+    """Return whether a velocity has both signs."""
+    return bool(velocity.min() < 0.0 < velocity.max())
 
 
 def _misfit(gram: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.ndarray:
