@@ -1,7 +1,7 @@
 """Tests for cli/_progress.py: how much is done and how long it takes yet, from the sentences that tell of the work."""
 
 from backdrive.cli._progress import Share, time_words
-from backdrive.identification.options import Options
+from backdrive.identification.dynamic.progress import ticker
 
 
 def test_what_is_done_is_a_share_of_the_whole():
@@ -33,7 +33,7 @@ def test_a_single_law_is_in_parts_and_a_second_fit_of_it_does_not_go_back():
 
 def test_a_fit_reports_its_parts():
     heard = []
-    tick = Options(progress=heard.append).ticker("q1", 72)
+    tick = ticker(heard.append, "q1", 72)
     for i in range(90):
         tick("lugre", i, 1.0)
     assert heard[0] == "q1: fitting lugre, step 0, part 1 of 10"

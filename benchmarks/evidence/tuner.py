@@ -41,7 +41,7 @@ from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import compensator, goal_of
 from backdrive.tuning.members import Member
 from backdrive.tuning.propose import fixed_rule, full_rule, thesis_numbers
-from backdrive.tuning.reasons import SYMBOLS, edges, presliding_radius
+from backdrive.tuning.reasons import IN_WORDS, edges, presliding_radius
 from backdrive.tuning.refine import refine
 from backdrive.tuning.search import best_safe, search
 from backdrive.tuning.wishes import OWN, WISHES
@@ -349,7 +349,7 @@ def wishes(judge: Judge, joints: int) -> None:
             at = at_an_end(facts, z)
             ends[wish] += bool(at)
             slow[wish] += "decay" in at and z["decay"] < 10.0
-            unnamed += sum(not any(s.startswith(SYMBOLS[name]) for s in sentences) for name in at)
+            unnamed += sum(not any(s.startswith(IN_WORDS[name]) for s in sentences) for name in at)
         for wish, name in OWN.items():
             mine = points[wish][1][name]  # type: ignore[index]
             own[wish].append(all(mine < points[w][1][name] for w in OWN if w != wish))  # type: ignore[index]

@@ -117,13 +117,13 @@ def check_keywords(function: str, given: Iterable[str], known: Collection[str]) 
             )
 
 
-def known_keywords(function: Callable[P, R]) -> Callable[P, R]:
+def guard_keywords(function: Callable[P, R]) -> Callable[P, R]:
     """Decorate a public function, so that it answers an unknown keyword argument as `check_keywords` does."""
     known = list(inspect.signature(function).parameters)
 
     @functools.wraps(function)
-    def checked(*args: P.args, **given: P.kwargs) -> R:
+    def call(*args: P.args, **given: P.kwargs) -> R:
         check_keywords(function.__name__, given, known)
         return function(*args, **given)
 
-    return checked
+    return call

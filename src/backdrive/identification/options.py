@@ -33,7 +33,6 @@ from backdrive.model import FrictionModel
 from backdrive.plans import plan_to_dict
 
 SLOW = 50.0  # sampling rate below which a result is suspect [Hz]
-PARTS = 10  # number of parts in which the progress of a fit is reported
 Interval = Literal["covariance", "profile", "bootstrap"]
 
 #: Option -> methods that use it; other options apply to all methods.
@@ -105,21 +104,6 @@ class Options:
         """Report the next step to the progress callback, if there is one."""
         if self.progress is not None:
             self.progress(sentence)
-
-    def ticker(self, joint: str, steps: int = 0) -> Callable[[str, int, float], None]:
-        """Return the function that a search calls at every step; it passes on every fifth as a sentence.
-
-        Args:
-            joint: name.
-            steps: maximum number of steps; 0: unknown.
-        """
-
-        def tick(stage: str, i: int, cost: float) -> None:
-            if i % 5 == 0:
-                part = f", part {min(1 + PARTS * i // steps, PARTS)} of {PARTS}" if steps else ""
-                self.say(f"{joint}: fitting {stage}, step {i}{part}")
-
-        return tick
 
     def overrides(self) -> dict[str, Any]:
         """Return the options that differ from their defaults, by name."""

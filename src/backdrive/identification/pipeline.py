@@ -7,7 +7,7 @@ from dataclasses import replace
 from importlib import import_module
 from typing import Any
 
-from backdrive._arguments import as_table, known_keywords
+from backdrive._arguments import as_table, guard_keywords
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
 from backdrive.engine import DriveModel
@@ -48,7 +48,7 @@ ONE_JOINT: dict[str, tuple[str, str, tuple[str, ...]]] = {
 Outcome = tuple[Sequence[JointFriction], Sequence[JointEvidence], ArmModel | None]
 
 
-@known_keywords
+@guard_keywords
 @on_one_thread
 def identify(  # noqa: PLR0913  (its options are given by keyword)
     logs: Log | Sequence[Log] | Any,

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._arguments import known_keywords
+from backdrive._arguments import guard_keywords
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable, check_type
 from backdrive.identification.auto import moving_joints
@@ -27,7 +27,7 @@ LEAST_STEP = 1e-7  # shortest integration step that a model file may contain [s]
 Pairs = list[tuple[np.ndarray, np.ndarray, float, np.ndarray]]
 
 
-@known_keywords
+@guard_keywords
 def validate(
     model: FrictionModel,
     logs: Log | Sequence[Log] | Any,
@@ -121,7 +121,7 @@ def _of_identification(friction: JointFriction) -> list[str]:
     return [f"Joint '{friction.joint.name}' was {word} when it was identified{why}"]
 
 
-@known_keywords
+@guard_keywords
 def validate_motion(model: FrictionModel, logs: Log | Sequence[Log] | Any) -> Validation:
     """Return the quality of the motion predicted from the drive's input, for every joint that model and logs share.
 

@@ -18,14 +18,14 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, UnknownName
 from backdrive.parameters import FINITE, NOT_NEGATIVE, POSITIVE, array, number, whole
-from backdrive.plans.base import ShownPlan, check_name, instants
+from backdrive.plans.base import PlanFace, check_name, instants
 
 MOST_PERIODS = 1000
 MOST_HARMONICS = 100
 
 
 @dataclass(frozen=True)
-class ArmPlan(ShownPlan):
+class ArmPlan(PlanFace):
     """A motion of all joints of an arm at once.
 
     Attributes:

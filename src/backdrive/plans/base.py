@@ -32,7 +32,7 @@ class Options(Protocol):
 DEGREE = math.pi / 180.0
 
 
-class ShownPlan(Display):
+class PlanFace(Display):
     """Base class of all plans: what they show of themselves."""
 
     def to_dict(self) -> dict[str, Any]:
@@ -41,7 +41,7 @@ class ShownPlan(Display):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan(ShownPlan):
+class Plan(PlanFace):
     """Base class of the plans of one joint. Each plan has `duration` [s] and `windows()`, start and end of the parts from
     which the identification takes samples [s], (k, 2).
 

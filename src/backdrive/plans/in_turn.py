@@ -12,7 +12,7 @@ import numpy as np
 from backdrive.errors import InvalidInput, UnknownName
 from backdrive.parameters import FINITE, NOT_NEGATIVE, number
 from backdrive.plans.arm import ArmPlan
-from backdrive.plans.base import ShownPlan, check_name, instants, settle
+from backdrive.plans.base import PlanFace, check_name, instants, settle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class Hold:
 
 
 @dataclass(frozen=True)
-class InTurn(ShownPlan):
+class InTurn(PlanFace):
     """Plans of single joints, one after the other; the position controllers hold the other joints.
 
     Every plan begins and ends at rest at its `home`, where its joint waits before and after its turn.

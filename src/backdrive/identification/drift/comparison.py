@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from backdrive._arguments import NAMES, NUMBER, TABLE, check_arguments, either, known_keywords, optional
+from backdrive._arguments import NAMES, NUMBER, TABLE, check_arguments, either, guard_keywords, optional
 from backdrive._upper import Display
 from backdrive.errors import InvalidInput, check_type
 from backdrive.identification.drift.change import ALARM, REACH, Change, change_of, kind_of
@@ -62,7 +62,7 @@ class Comparison(Display):
         return {"changed": list(self.joints_with_change), "joints": rows, "left_out": list(self.left_out)}
 
 
-@known_keywords
+@guard_keywords
 def compare(
     first: FrictionModel,
     second: FrictionModel,

@@ -32,6 +32,7 @@ from backdrive.identification.dynamic.motion import fit_motion
 from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.motion_problem import MotionProblem
 from backdrive.identification.dynamic.motion_terms import NAMES, OF_AXIS
+from backdrive.identification.dynamic.progress import ticker
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.search import Search
 from backdrive.identification.dynamic.torque import Stretch, TorqueProblem
@@ -148,7 +149,7 @@ class MotionTask(Task):
             finish=2 if wide else 1,
             begin_at=start,
             seed=self.options.seed,
-            tick=self.options.ticker(self.info.name),
+            tick=ticker(self.options.say, self.info.name),
         )
 
     def error(self, one: Fit) -> tuple[float, int]:

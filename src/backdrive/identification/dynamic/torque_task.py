@@ -22,6 +22,7 @@ from backdrive.identification.dynamic.crossing import (
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import STEPS, fit_law
+from backdrive.identification.dynamic.progress import ticker
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.unknowns import LawShape
@@ -134,7 +135,9 @@ class TorqueTask(Task):
         asked: dict[str, Any] = self.asked | {
             "terms": directions.terms_beside(shape, self.asked["terms"], self.options)
         }
-        one = fit_law(shape, records, tick=self.options.ticker(self.info.name, STEPS), **asked, **warm_start)
+        one = fit_law(
+            shape, records, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **warm_start
+        )
         if not shape.element.SET_VALUED or shape.rate.SMOOTH:
             return one
         best = self._of_sliding(shape, records, one, asked, warm_start)
@@ -143,7 +146,7 @@ class TorqueTask(Task):
         slid = sliding(records, best.values.get("delay", 0.0))
         line = starts.rest_of(slid, asked["terms"], asked["known"])[0]["coulomb"]
         asked["bounds"] = dict(self.options.bounds) | possible(best.values, line)
-        return fit_law(shape, slid, tick=self.options.ticker(self.info.name, STEPS), **asked)
+        return fit_law(shape, slid, tick=ticker(self.options.say, self.info.name, STEPS), **asked)
 
     def _of_sliding(
         self,
@@ -162,7 +165,7 @@ class TorqueTask(Task):
         if line and not lags_behind(records, slid, one.misses(records), late):
             return one  # a straight line fits through reversals as well
         again = {"begin": 8, "descend": 1, "begin_at": one.values} if line else warm_start
-        two = fit_law(shape, slid, tick=self.options.ticker(self.info.name, STEPS), **asked, **again)
+        two = fit_law(shape, slid, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **again)
         if line or lags_behind(records, slid, two.misses(records), late):
             return two
         return (

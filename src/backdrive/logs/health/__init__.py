@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from backdrive._arguments import known_keywords
+from backdrive._arguments import guard_keywords
 from backdrive._catalog import lookup
 from backdrive._documents import is_several
 from backdrive.errors import InvalidInput, UnhealthyLog
@@ -54,7 +54,7 @@ CHECKS: tuple[Check, ...] = tuple(
 )
 
 
-@known_keywords
+@guard_keywords
 def check(logs: Log | Sequence[Log] | Any, *, plan: Any = None) -> list[Finding]:
     """Return all findings on a log, in the order of `CHECKS`; an empty list means that no fault was found.
 
