@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from backdrive import model as m
-from backdrive._documents import is_object, is_several
+from backdrive._documents import is_object, is_several, plain
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import Growth, Law, element, rate_law
@@ -136,7 +136,7 @@ def _as_builtin(value: Any) -> Any:
     if isinstance(value, PurePath):
         return str(value)
     if isinstance(value, (np.generic, np.ndarray)):
-        return value.tolist()
+        return plain(value)
     raise TypeError(f"A model file cannot hold a {type(value).__name__}.")
 
 
