@@ -53,3 +53,10 @@ def test_brackets_in_names_and_units_are_no_lists(tmp_path):
     assert any("'state' holds words" in note for note in log.notes)
     log = written(tmp_path / "b.csv", "time,q,tau\n[s],[deg],[N.m]", lambda t, x, y: f"{t:.2f},{x},{y}")
     np.testing.assert_allclose(log.position[:, 0], np.deg2rad(Q[:, 0]))
+
+
+def test_columns_of_names_that_named_the_joints_are_not_said_to_be_left_out(tmp_path):
+    head = "time,name[0],name[1],position[0],position[1]"
+    log = written(tmp_path / "log.csv", head, lambda t, x, y: f"{t:.2f},a,b,{x},{y}")
+    assert log.names == ("a", "b")
+    assert not any("left out" in note for note in log.notes)

@@ -66,6 +66,15 @@ def test_known_torque_has_a_share_of_one(sound):
     assert "a share of 1.67" in sentences[0]
 
 
+def test_known_torque_of_the_opposite_sign(sound):
+    known = 4.0 * np.sin(sound.position)
+    torque = sound.torque + known
+    _, sentences = remarks(sound.replace(torque=torque, model_torque=-known))
+    assert "opposite sign" in sentences[0] and sentences[0].endswith("so friction is right.")
+    _, sentences = remarks(sound.replace(torque=torque, model_torque=-0.6 * known))
+    assert "opposite sign" in sentences[0] and "its size differs too" in sentences[0]
+
+
 def test_the_motion_of_another_joint_explains_torque(sound):
     t = sound.time[:, None]
     position, acceleration = (

@@ -105,7 +105,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
             input of any number of the axis and its drive, which is sought then: `drive.resistance`, ... (dynamic; see
             `dynamic.motion_terms`).
         known: what is not sought, by name [SI]: `inertia`, `offset`, `gravity_sin`, `gravity_cos`; given the drive's input any
-            number of `engine.Axis` (dynamic).
+            number of `engine.Axis` (dynamic; a curve by `motion` always seeks the delay of the torque itself).
         drive: fit from motion given this drive's input; None: as the logs say, where they hold no torque (dynamic).
         loss: `linear`, `huber` or `absolute` (dynamic).
         interval: `covariance`, `profile` or `bootstrap`; see `dynamic.uncertainty` (dynamic).
