@@ -70,6 +70,12 @@ def test_a_sweep_is_found_where_its_plan_begins():
         )
 
 
+def test_a_sweep_by_a_fast_clock_names_the_clock():
+    log = recorded(0.5)
+    friction = identify(log.replace(time=1.1 * log.time), plan=PLAN, method="sweep").model.joints[0]
+    assert any("1.100 times as long as its plan" in warning for warning in friction.warnings)
+
+
 def test_a_plan_that_was_run_twice_begins_at_two_times():
     once = recorded(2.0)
     n = len(once)

@@ -6,6 +6,7 @@ import json
 import sys
 import tracemalloc
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -122,10 +123,26 @@ def test_torque_outside_the_validity_range_is_said():
         model.torque("elbow", [-2.0, 2.0, np.nextafter(2.0, 3.0)])
 
 
+def test_torque_below_the_lowest_speed_of_the_data_is_said():
+    document = honest()
+    document["joints"][0]["validity"]["lowest_speed"] = 0.175
+    model = decode(of(document))
+    elbow = model.joints[0]
+    assert elbow.outside(np.array([-3.0, -0.1, 0.0, 0.1, 0.175])).tolist() == [True, True, False, True, False]
+    assert elbow.extrapolation(np.array([0.1, 1.0])) == ""  # every log passes through low speeds
+    words = r"'elbow' at 0.03 rad/s: Below 0.175 rad/s.* friction is unknown"
+    for velocity in (0.03, 0.03, [1.0, 0.03]):
+        with pytest.warns(ExtrapolationWarning, match=words):
+            model.torque("elbow", velocity)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            model.torque("elbow", 0.2)  # from here on single velocities take the short way
+            model.torque("elbow", 0.0)
+    assert replace(elbow, validity=Validity(velocity=(-2.0, 2.0))).lowest_speed_remark() == ""
+
+
 def test_a_log_outside_the_validity_range_is_said():
     sys.path.insert(0, str(Path(__file__).parent))
-    from dataclasses import replace
-
     from _synthetic import any_motion
     from backdrive import identify
 

@@ -221,3 +221,23 @@ def test_inverse_units(text, kind, factor):
     unit = units.parse(text)
     assert unit is not None and unit.kind == kind and np.isclose(unit.factor, factor)
     assert units.parse("s^-1") is None  # of what?
+
+
+def test_an_offset_without_a_unit_beside_a_column_with_one_is_refused():
+    columns = Columns(arrays={"time": np.arange(5.0), "q1 [deg]": np.arange(5.0)}, units={"q1 [deg]": "deg"})
+    assert "position = 'q1 [deg]' [deg]" in " ".join(to_log(columns, map='t=time,q="q1 [deg]"').notes)
+    with pytest.raises(MappingError, match="the offset -10 states no unit"):
+        to_log(columns, map='t=time,q="q1 [deg]"-10')
+    for given in ('deg*"q1 [deg]"-10*deg', '"q1 [deg]"-10*deg'):
+        log = to_log(columns, map=f"t=time,q={given}")
+        np.testing.assert_allclose(log.position[:, 0], np.deg2rad(np.arange(5.0) - 10.0))
+
+
+def test_patterns_leave_out_the_unit_and_say_when_a_star_multiplies():
+    columns = Columns(
+        arrays={"time": np.arange(5.0), "q1 [deg]": np.arange(5.0), "q2 [deg]": np.arange(5.0) ** 2}
+    )
+    assert to_log(columns, map="t=time,q=q*").names == ("1", "2")
+    columns = Columns(arrays={name: np.arange(5.0) for name in ("time", "q", "tau", "tau2")})
+    with pytest.raises(MappingError, match="multiplies here, since 'tau' is a column itself"):
+        to_log(columns, map="t=time,q=q,tau=tau*/2")

@@ -218,3 +218,20 @@ def test_growth_of_an_axis_with_a_drive_stays_the_axis():
         document["joints"][0]["dynamics"][name] = {"value": 0.1, "unit": "1"}
     found = decode(json.dumps(document).encode()).joint("shoulder")
     assert found.law.growth is None and found.dynamics["load_dependence"].value == 0.1
+
+
+def test_numbers_of_numpy_are_written_as_plain_ones(tmp_path):
+    first = model().joints[0]
+    validity = Validity(velocity=tuple(np.array([-2.0, 2.0])), load=tuple(np.float32([-1.0, 1.0])))
+    replace(
+        model(),
+        joints=(
+            replace(
+                first, validity=validity, dynamics={"offset": Estimate(value=np.float64(0.5), unit="N.m")}
+            ),
+        ),
+        options={"flag": np.bool_(True), "count": np.int64(3), "knots": np.arange(2.0)},
+    ).save(tmp_path / "m.json")
+    again = load_model(tmp_path / "m.json")
+    assert again.joints[0].validity == validity and again.joints[0].dynamics["offset"].value == 0.5
+    assert again.options == {"flag": True, "count": 3, "knots": [0.0, 1.0]}

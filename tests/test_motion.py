@@ -28,6 +28,14 @@ def test_coulomb_and_viscous_friction_come_back_as_that_law():
     assert "good" in evidence.verdict
 
 
+def test_a_constant_beside_the_curve_is_in_the_verdict():
+    lop = any_motion(lambda v: np.where(v > 0.0, 1.3, -0.27) + 0.4 * v)
+    _, evidence = identify_motion([lop], "j1", symmetric=True)
+    assert "A constant 0.515 N.m was separated from friction: gravity, an offset" in evidence.verdict
+    _, sound = identify_motion([any_motion(lambda v: 5.0 * np.sign(v) + 2.0 * v)], "j1", symmetric=True)
+    assert "constant" not in sound.verdict
+
+
 def test_standard_errors_are_neither_wild_nor_vain():
     law = [
         identify_motion(

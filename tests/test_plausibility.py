@@ -1,11 +1,14 @@
 """The rules of plausibility: what is planted is remarked on, once, with its numbers, and nothing on a sound log."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from _synthetic import any_motion
 from backdrive import identify
 from backdrive.errors import InvalidInput
+from backdrive.identification.alignment import is_of_joint
 from backdrive.identification.lateness import delay, delay_beside_distance
 from backdrive.identification.names import same_names
 from backdrive.identification.quality import grade
@@ -64,6 +67,15 @@ def test_known_torque_has_a_share_of_one(sound):
     assert "a share of 1.67" in sentences[0]
 
 
+def test_known_torque_of_the_opposite_sign(sound):
+    known = 4.0 * np.sin(sound.position)
+    torque = sound.torque + known
+    _, sentences = remarks(sound.replace(torque=torque, model_torque=-known))
+    assert "opposite sign" in sentences[0] and sentences[0].endswith("so friction is right.")
+    _, sentences = remarks(sound.replace(torque=torque, model_torque=-0.6 * known))
+    assert "opposite sign" in sentences[0] and "its size differs too" in sentences[0]
+
+
 def test_the_motion_of_another_joint_explains_torque(sound):
     t = sound.time[:, None]
     position, acceleration = (
@@ -83,8 +95,9 @@ def test_the_motion_of_another_joint_explains_torque(sound):
     assert not any("wrist" in s for s in identify(alone, method="motion").model.joints[0].warnings)
 
 
-def test_a_clock_that_is_not_its_plans(sound):
-    plan = Multisine(1.2, 0.15, 1.2, 10.0, periods=2, joint="j1")
+@pytest.mark.parametrize("joint", ["j1", "joint"])
+def test_a_clock_that_is_not_its_plans(sound, joint):
+    plan = Multisine(1.2, 0.15, 1.2, 10.0, periods=2, joint=joint)
     time = np.arange(round(plan.duration * 500)) / 500
     q, dq, ddq = (f(time)[:, None] for f in (plan.position, plan.velocity, plan.acceleration))
     tau = dry(dq) + 0.5 * ddq + 0.05 * np.random.default_rng(2).standard_normal(q.shape)
@@ -93,6 +106,16 @@ def test_a_clock_that_is_not_its_plans(sound):
     level, sentences = remarks(log.replace(time=1.1 * time))
     assert level == "good"
     assert "1.100 times as long as its plan" in sentences[0]
+
+
+def test_a_plan_is_of_the_joint_that_it_names_or_of_the_only_one(sound):
+    both = Log(
+        time=sound.time, joints=(*sound.joints, Joint(name="wrist")), position=np.hstack([sound.position] * 2)
+    )
+    plan = Multisine(1.2, 0.15, 1.2, 10.0)
+    assert is_of_joint(sound.replace(plan=plan), "j1")
+    assert not is_of_joint(both.replace(plan=plan), "j1")
+    assert is_of_joint(both.replace(plan=replace(plan, joint="wrist")), "wrist")
 
 
 def test_names_that_were_made_up_match_by_order_alone():

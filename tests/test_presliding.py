@@ -5,6 +5,7 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.presliding import identify_ramp
 from backdrive.identification.ramp import presliding
 from backdrive.logs.log import Joint, Log
+from backdrive.model import FrictionModel, load_model
 from backdrive.plans import TorqueRamp
 from backdrive.simulation.machines import joint_0, setup_a
 from backdrive.simulation.open_loop import simulate
@@ -136,3 +137,12 @@ def test_bad_input_is_named():
         identify_ramp([log.replace(torque=None)], "joint_0")
     with pytest.raises(NotIdentifiable, match="ramps and the joint sticks"):
         identify_ramp([log.replace(torque=np.zeros(len(log)))], "joint_0")
+
+
+def test_a_model_of_ramps_with_noise_is_saved_and_loaded(tmp_path):
+    log = simulate(JOINT_0, TorqueRamp(9.0, 2.0))
+    noise = 0.01 * np.random.default_rng(1).standard_normal(len(log))
+    friction, _ = identify_ramp([log.replace(torque=log.torque + noise[:, None])], "joint_0")
+    assert all(type(value) is float for value in (*friction.validity.load, *friction.validity.velocity))
+    FrictionModel(joints=(friction,)).save(tmp_path / "m.json")
+    assert load_model(tmp_path / "m.json").joints[0].validity == friction.validity

@@ -52,7 +52,7 @@ def said(log):
         ("q=2*rpm*k*a", 6.0 * RPM * Q, "2*rpm*k*'a'"),
         ("q=turned", Q, "'turned'"),
         ("q=0.123456789012*one", 0.123456789012 * T[:, None], "0.123456789*'one'"),
-        ('q="with unit"', 1e-3 * Q, "'with unit'"),
+        ('q="with unit"', 1e-3 * Q, "'with unit' [mm]"),
         ("q=INT", np.array([[3.0], [1.0], [4.0], [1.0]]), "'INT'"),
         ("q=2*index", 2.0 * np.arange(4)[:, None], "2*'index'"),
     ],

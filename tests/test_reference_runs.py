@@ -120,15 +120,15 @@ def test_what_is_said_of_a_bent_curve():
     sections = len(found.law.rate.velocity) - 1
     line = identify_constant_velocity(logs, "a", law="coulomb-viscous")[0]
     assert shown.verdict.endswith(
-        f"{sections} line sections per direction predict left-out runs to {found.held_out.rms:.3g} rms, a straight line per "
-        f"direction to {line.held_out.rms:.3g}: the curve is bent."
+        f"{sections} line sections per direction predict left-out runs to {found.held_out.rms:.3g} N.m rms, a straight line per "
+        f"direction to {line.held_out.rms:.3g} N.m: the curve is bent."
     )
     only, shown = identify_constant_velocity(logs, "a", law="polyline")
     assert only.law.rate.NAME == "polyline" and "line sections per direction were fitted." in shown.verdict
     straight = identify_constant_velocity(runs(uneven_line, noise=0.05), "a")
     assert straight[0].law.rate.NAME == "coulomb-viscous"
     assert straight[1].verdict.endswith(
-        f"predicts left-out runs significantly better ({straight[0].held_out.rms:.3g})."
+        f"predicts left-out runs significantly better than its {straight[0].held_out.rms:.3g} N.m rms."
     )
     for n, enough in ((3, False), (4, True)):
         if enough:

@@ -48,7 +48,9 @@ Gear = Annotated[
 Counts = Annotated[
     str | None,
     typer.Option(
-        "--counts", help="Encoder counts per rad or m at the joint, one or one each: 104300,233600."
+        "--counts",
+        help="Encoder counts per rad or m at the joint, one or one each: 104300,233600. They tell the resolution only; "
+        "to convert positions that are in counts: --map q=turn/4096*COLUMN.",
     ),
 ]
 Format = Annotated[

@@ -104,7 +104,9 @@ def command(
     known: Annotated[
         str | None,
         typer.Option(
-            "--known", help="Parameters with known values, which are not fitted: inertia=0.5,offset=0."
+            "--known",
+            help="Parameters with known values, which are not fitted: inertia=0.5,offset=0. For --law only: a curve "
+            "(--method motion) always seeks the delay of the torque itself.",
         ),
     ] = None,
     interval: Annotated[

@@ -126,7 +126,7 @@ def _print_json(model, plot: Path | None) -> None:
             "torque": curve["torque"],
             "torque_unit": friction.joint.torque_unit,
             "standard_error": error_of(friction)(curve["velocity"]),
-            "remarks": list(friction.remarks()),
+            "remarks": [*friction.remarks(), *filter(None, [friction.lowest_speed_remark()])],
         }
     document = {"ok": True, "model": json.loads(encode(model)), "curves": curves}
     if plot is not None:
@@ -142,6 +142,8 @@ def _print_tables(model) -> None:
     unicode = (console.encoding or "").lower().startswith("utf")
     for friction in model.joints:
         print_lines(console, joint_tables(friction, width=min(console.width, 110), unicode=unicode))
+        if remark := friction.lowest_speed_remark():
+            echo(remark)
     for line in provenance_lines(model):
         echo(line)
 

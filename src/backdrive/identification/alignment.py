@@ -130,6 +130,19 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
     return (*best, other)
 
 
+def is_of_joint(log: Log, joint: str) -> bool:
+    """Return whether a log's plan is of one joint, and of this one: by its name, or as the only joint of the log.
+
+    Plans that nobody named are of `joint`, and logs whose columns name no joint of `joint_1`.
+
+    Args:
+        log: linked to a plan.
+        joint: a name in the log.
+    """
+    name = getattr(log.plan, "joint", None)
+    return name is not None and (name == joint or log.names == (joint,))
+
+
 def tempo(log: Log, joint: str, plan: Any) -> Tempo | None:
     """Return the ratio of a joint's motion to its plan; None if the reversals of the two do not match.
 

@@ -121,7 +121,7 @@ def identify_constant_velocity(
             f"{' for each direction' if directional else ''}.",
             remedy=_more_runs(v.size, directional, 3 if law is not None and not lines else 2),
         )
-    sections, remark = _choose(tried, y, pulls)
+    sections, remark = _choose(tried, y, pulls, about.torque_unit)
     form, X, left_out = tried[sections]
     theta = regression.solve(X.T @ X, X.T @ y)
     covariance = regression.classical(X, y - X @ theta)
@@ -175,7 +175,7 @@ def identify_constant_velocity(
     )
 
 
-def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray) -> tuple[int, str]:
+def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray, unit: str) -> tuple[int, str]:
     """Return the number of sections and a sentence on the straight line.
 
     A curve is chosen if it predicts left-out runs better than a line, and an F test rejects the line. The level of the test
@@ -185,6 +185,7 @@ def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray) -> tuple[
         tried: form, regressor and errors of left-out runs by the number of sections.
         y: torque of the runs [N.m or N], (n,).
         pulls: sin q and cos q if gravity was subtracted, so that no curve fits the error of gravity; otherwise 0, (n, 2).
+        unit: of the torque, for the sentence.
     """
     rms = {k: float(np.sqrt(np.mean(error**2))) for k, (_, _, error) in tried.items()}
     if 1 not in rms:
@@ -197,13 +198,13 @@ def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray) -> tuple[
     if not bent:
         return (
             1,
-            f"A straight line per direction suffices: no curve predicts left-out runs significantly better "
-            f"({rms[1]:.3g}).",
+            f"A straight line per direction suffices: no curve predicts left-out runs significantly better than its "
+            f"{rms[1]:.3g} {unit} rms.",
         )
     best = min(bent, key=lambda k: rms[k])
     return best, (
-        f"{best} line sections per direction predict left-out runs to {rms[best]:.3g} rms, a straight line per "
-        f"direction to {rms[1]:.3g}: the curve is bent."
+        f"{best} line sections per direction predict left-out runs to {rms[best]:.3g} {unit} rms, a straight line per "
+        f"direction to {rms[1]:.3g} {unit}: the curve is bent."
     )
 
 

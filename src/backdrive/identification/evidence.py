@@ -18,6 +18,7 @@ from backdrive.identification.signals import Signals
 from backdrive.model import JointFriction
 
 MOST = 4000  # largest number of samples for pictures
+SURE = 5.0  # least significance of a constant beside friction that is mentioned [standard error]
 
 
 def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
@@ -101,6 +102,27 @@ def verdict(friction: JointFriction) -> str:
     else:
         amount = f"Friction is {slow[0]:.3g} {unit} at {slowest:.2g} {speed} and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
     return f"{amount} {describe_fit(friction)}"
+
+
+def separated_constant(friction: JointFriction, share: float) -> str:
+    """Return a sentence on the constant torque beside a curve that is the same in both directions; empty if it is small.
+
+    Half of what friction differs by between the directions is part of such a constant.
+
+    Args:
+        friction: the result.
+        share: of the friction at the top speed, from which on the constant is mentioned [-].
+    """
+    offset, top = friction.dynamics.get("offset"), friction.speeds[1]
+    if offset is None:
+        return ""
+    level = float(np.mean(np.abs(friction.law.torque(np.array([top, -top])))))
+    if not abs(offset.value) > share * level or abs(offset.value) <= SURE * offset.standard_error:
+        return ""
+    return (
+        f"A constant {offset.value:.3g} {friction.joint.torque_unit} was separated from friction: gravity, an offset of the "
+        "torque signal or unequal directions."
+    )
 
 
 def describe_fit(friction: JointFriction) -> str:

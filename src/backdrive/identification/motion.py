@@ -20,7 +20,13 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise, regression
 from backdrive.identification.delay import delay_signals, earlier
-from backdrive.identification.evidence import evidence, parts_of, sentences, without_errors
+from backdrive.identification.evidence import (
+    evidence,
+    parts_of,
+    sentences,
+    separated_constant,
+    without_errors,
+)
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
@@ -43,6 +49,7 @@ MOVE = 0.1  # least duration of a move [s]
 LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
 LEAST_MOVES = 6  # least number of moves for standard errors
 SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
+NAMED = 0.05  # least constant beside the friction that is mentioned, relative to it [-]
 
 
 def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
@@ -182,7 +189,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         parts + of_others,
         curves.widen_below(friction.law, slowest, of_curve),
     )
-    return friction, replace(support, verdict=f"{support.verdict} {smooth.note}".rstrip())
+    constant = separated_constant(friction, NAMED) if choice.candidate.form.symmetric else ""
+    said = filter(None, (support.verdict, constant, smooth.note))
+    return friction, replace(support, verdict=" ".join(said))
 
 
 def _simplest(

@@ -106,7 +106,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
             Given the drive's input, also of any parameter of the axis and its drive, which is then estimated:
             `drive.resistance`, ... (dynamic; see `dynamic.motion_terms`).
         known: fixed values by name [SI]: `inertia`, `offset`, `gravity_sin`, `gravity_cos`; given the drive's input, any
-            parameter of `engine.Axis` (dynamic).
+            parameter of `engine.Axis` (dynamic; a curve by `motion` always estimates the delay of the torque itself).
         drive: fit motion given this drive's input; None: the drive of the logs, if they hold no torque (dynamic).
         loss: `linear`, `huber` or `absolute` (dynamic).
         interval: `covariance`, `profile` or `bootstrap`; see `dynamic.uncertainty` (dynamic).

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from backdrive.identification.alignment import tempo
+from backdrive.identification.alignment import is_of_joint, tempo
 from backdrive.identification.auto import own_turn
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import Residual
@@ -25,7 +25,7 @@ def plan(case: Case) -> Remark | None:
     name = case.friction.joint.name
     for log in case.logs:
         part = own_turn(log, name)
-        if part.plan is None or getattr(part.plan, "joint", name) != name:
+        if part.plan is None or not is_of_joint(part, name):
             continue
         ran = tempo(part, name, part.plan)
         if ran is None:

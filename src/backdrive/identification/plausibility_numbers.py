@@ -186,6 +186,16 @@ def external_share(case: Case) -> Remark | None:
     )
     if res is not None and known < SHARE * res.size:
         cause = f"with {known:.2g} {case.unit} it is too small to be told. Leave it out"
+    elif value < 0.0:
+        cause = (
+            "it has the opposite sign of the measured torque. Read it with a minus (--map tau_model=-COLUMN)"
+        )
+        if sure and error < SHARE and abs(value + 1.0) <= max(SURE * error, SHARE):
+            cause += "; the fit has corrected it, so friction is right"
+        else:
+            cause += (
+                "; its size differs too, or the gain of the measured torque is wrong, and friction with it"
+            )
     else:
         cause = "its size or the gain of the measured torque is wrong, and friction with it"
     return Remark(

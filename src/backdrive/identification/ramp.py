@@ -119,7 +119,7 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
         rest=float(np.mean([rest for _, _, rest in found])),
         width=width,
         area=area,
-        slip_speed=max(speed for _, speed, _ in found),
+        slip_speed=float(max(speed for _, speed, _ in found)),
     )
 
 

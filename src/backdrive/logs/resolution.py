@@ -36,7 +36,7 @@ def encoder_step(log: Log) -> float:
 
 def white_noise(x: np.ndarray) -> float:
     """Return the standard deviation of the sample-to-sample noise of a signal (m,)."""
-    return float(np.median(np.abs(np.diff(x, 2)))) / (0.6745 * np.sqrt(6)) if x.size > 2 else 0.0
+    return float(np.median(np.abs(np.diff(x, 2))) / (0.6745 * np.sqrt(6))) if x.size > 2 else 0.0
 
 
 def resolution(values: np.ndarray) -> float:

@@ -8,9 +8,10 @@ from pathlib import Path, PurePath
 from typing import Any, TypeVar
 
 import msgspec
+import numpy as np
 
 from backdrive import model as m
-from backdrive._documents import is_object, is_several
+from backdrive._documents import is_object, is_several, plain
 from backdrive._files import read_whole, write_whole
 from backdrive.errors import BackdriveError, ModelFileError
 from backdrive.laws import Growth, Law, element, rate_law
@@ -115,7 +116,7 @@ def encode(model: m.FrictionModel) -> bytes:
     document = Document(
         FORMAT, SCHEMA, joints, provenance, arm, model.coupling, model.coupled or msgspec.UNSET
     )
-    data = msgspec.json.encode(_encodable(msgspec.to_builtins(document, enc_hook=_path_as_text)))
+    data = msgspec.json.encode(_encodable(msgspec.to_builtins(document, enc_hook=_as_builtin)))
     return msgspec.json.format(data, indent=2) + b"\n"
 
 
@@ -130,9 +131,12 @@ def _encodable(value: Any) -> Any:
     return value
 
 
-def _path_as_text(value: Any) -> str:
+def _as_builtin(value: Any) -> Any:
+    """Return a path as text, and numpy's numbers and arrays as Python's."""
     if isinstance(value, PurePath):
         return str(value)
+    if isinstance(value, (np.generic, np.ndarray)):
+        return plain(value)
     raise TypeError(f"A model file cannot hold a {type(value).__name__}.")
 
 

@@ -129,7 +129,7 @@ class FrictionModel(Display):
             InvalidInput: a velocity, load or temperature is not finite, or their shapes do not match.
 
         Warns:
-            ExtrapolationWarning: a velocity is outside the validity range.
+            ExtrapolationWarning: a velocity is beyond the validity range, or below the lowest speed of the data and not zero.
             NegativeFrictionWarning: at a velocity friction drives the motion instead of resisting it.
         """
         if load is None and temperature is None and type(dq) is float:
@@ -138,8 +138,8 @@ class FrictionModel(Display):
             except TypeError:  # a list, for example
                 scalar = None
             if scalar is not None:
-                at, row, low, high = scalar
-                if low <= dq <= high:
+                at, row, low, high, slowest = scalar
+                if low <= dq <= high and (abs(dq) >= slowest or dq == 0.0):
                     value = at(row, dq)
                     if value * dq >= 0.0:
                         return np.float64(value)  # type: ignore[return-value]
@@ -155,6 +155,9 @@ class FrictionModel(Display):
         torque = friction.law.torque(velocity, load, temperature)
         if said := friction.extrapolation(velocity):
             warnings.warn(said, ExtrapolationWarning, stacklevel=2)
+        if np.any(slow := friction.too_slow(velocity)):
+            said = f"Joint '{friction.joint.name}' at {velocity[slow][0]:.4g} {friction.joint.unit}/s: "
+            warnings.warn(said + friction.lowest_speed_remark(), ExtrapolationWarning, stacklevel=2)
         if np.any(wrong := torque * velocity < 0.0):
             said = f"friction is negative at {velocity[wrong][0]:.4g} {friction.joint.unit}/s; there the model drives the motion"
             warnings.warn(f"Joint '{friction.joint.name}': {said}.", NegativeFrictionWarning, stacklevel=2)
@@ -162,14 +165,19 @@ class FrictionModel(Display):
             from backdrive._jit import entry
 
             row = friction.law.row()
-            self._scalars[joint] = entry(friction.law.scalar, row, 0.0), row, *friction.validity.velocity
+            self._scalars[joint] = (
+                entry(friction.law.scalar, row, 0.0),
+                row,
+                *friction.validity.velocity,
+                friction.validity.lowest_speed or 0.0,
+            )
         return torque
 
     @cached_property
     def _scalars(
         self,
-    ) -> dict[str | int, tuple[Callable[[np.ndarray, float], float], np.ndarray, float, float]]:
-        """Cache of compiled curve, row and validity range of each joint whose torque at a single velocity was computed."""
+    ) -> dict[str | int, tuple[Callable[[np.ndarray, float], float], np.ndarray, float, float, float]]:
+        """Cache of curve, row, validity range and lowest speed, of joints whose torque at a single velocity was computed."""
         return {}
 
     def __getstate__(self) -> dict[str, Any]:

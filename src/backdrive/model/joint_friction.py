@@ -166,13 +166,37 @@ class JointFriction:
         return (float(wrong.min()), float(wrong.max())) if wrong.size else None
 
     def outside(self, velocity: np.ndarray) -> np.ndarray:
-        """Return which velocities [rad/s or m/s] are outside the validity range, of the shape of `velocity`."""
+        """Return at which velocities [rad/s or m/s] the model extrapolates, of the shape of `velocity`.
+
+        These are velocities beyond the validity range, and those that are slower than the slowest sustained motion of the data.
+        """
+        return self.beyond(velocity) | self.too_slow(velocity)
+
+    def beyond(self, velocity: np.ndarray) -> np.ndarray:
+        """Return which velocities [rad/s or m/s] are beyond the ends of the validity range, of the shape of `velocity`."""
         low, high = self.validity.velocity
         return (velocity < low - EDGE * abs(low)) | (velocity > high + EDGE * abs(high))
 
+    def too_slow(self, velocity: np.ndarray) -> np.ndarray:
+        """Return which velocities [rad/s or m/s] are below the lowest speed of the data, but not zero, of their shape."""
+        speed = np.abs(velocity)
+        return (speed > 0.0) & (speed < (1.0 - EDGE) * (self.validity.lowest_speed or 0.0))
+
+    def lowest_speed_remark(self) -> str:
+        """Return a sentence on speeds below the lowest one of the data; empty if it is not known."""
+        if not self.validity.lowest_speed:
+            return ""
+        return (
+            f"Below {self.validity.lowest_speed:.3g} {self.joint.unit}/s, the lowest speed of sustained motion in the data, "
+            "friction is unknown; there the model extrapolates."
+        )
+
     def extrapolation(self, velocity: np.ndarray) -> str:
-        """Return a sentence on velocities [rad/s or m/s] outside the validity range; empty if all are inside."""
-        outside = self.outside(velocity)
+        """Return a sentence on velocities [rad/s or m/s] beyond the validity range; empty if there are none.
+
+        Velocities below the lowest speed of the data are not mentioned, since every motion from rest passes through them.
+        """
+        outside = self.beyond(velocity)
         if not np.any(outside):
             return ""
         low, high, unit = *self.validity.velocity, f"{self.joint.unit}/s"

@@ -48,6 +48,7 @@ class Values:
         self.kind = ""
         self.said: list[str] = []
         self.notes: list[str] = []
+        self._converted = ""  # the last column of a sum that its unit brought to SI
 
     def find(self, name: str) -> np.ndarray:
         """Return a column by its name as written, or by its name without unit where that is clear.
@@ -63,7 +64,12 @@ class Values:
         Raises:
             MappingError: a column is unknown, has another length or measures something else.
         """
-        value = np.concatenate([self._sum(channel, terms) for terms in sums], axis=1)
+        parts, written = list[np.ndarray](), list[str]()
+        for terms in sums:
+            parts.append(self._sum(channel, terms))
+            unit = f" [{self.stated[self._converted]}]" if self._converted else ""
+            written.append(" + ".join(_format_term(term) for term in terms) + unit)
+        value = np.concatenate(parts, axis=1)
         if channel == "time" and value.shape[1] != 1:
             raise MappingError(
                 f"Time has {value.shape[1]} columns.", remedy="Choose one, for example t=time[0]."
@@ -75,11 +81,11 @@ class Values:
             self.labels[channel] = tuple(labels)
         self.arrays[channel] = value
         self.settled.add(channel)
-        written = (" + ".join(_format_term(term) for term in terms) for terms in sums)
         self.said.append(f"{channel} = {', '.join(written)}")
 
     def _sum(self, channel: str, terms: Sum) -> np.ndarray:
         total: np.ndarray | None = None
+        self._converted = ""
         constants = [term for term in terms if not term.columns]
         for term in sorted(
             terms, key=constants.__contains__
@@ -97,6 +103,13 @@ class Values:
                 )
             total = value if total is None else total + value
         assert total is not None
+        bare = [term.factor for term in constants if not term.factors and term.factor != 0.0]
+        if bare and self._converted:
+            raise MappingError(
+                f"--map {_SHORT[channel]}: '{self._converted}' is stated in {self.stated[self._converted]} and brought to SI, and "
+                f"the offset {bare[0]:g} states no unit, which is ambiguous.",
+                remedy="Write the unit's factor with both, for example deg*COLUMN-10*deg.",
+            )
         return np.broadcast_to(total, (self.n, total.shape[1]))
 
     def add_columns(self, channel: str, names: Sequence[str]) -> None:
@@ -220,6 +233,8 @@ class Values:
             value = value[:, column.index]
         stated = self._unit_of(channel, term, full, word)
         value = value.astype(float) if stated is None else _in_si(value, stated)
+        if stated is not None and stated != units.Unit(stated.kind):
+            self._converted = full
         peak = np.abs(value[np.isfinite(value)]).max(initial=0.0)
         if peak > LARGEST:
             raise MappingError(

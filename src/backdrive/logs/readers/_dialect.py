@@ -61,7 +61,7 @@ def sniff(raw: bytes, *, whole: bool) -> Dialect:
     Raises:
         UnknownFormat: binary, or no table of numbers.
     """
-    encoding, text = _decode(raw)
+    encoding, text = decode(raw)
     lines = re.split(r"\r\n|\r|\n", text)
     if not whole and len(lines) > 1:
         lines.pop()
@@ -214,7 +214,12 @@ def _as_row(line: str, delimiter: str, width: int) -> list[str] | None:
     return None
 
 
-def _decode(raw: bytes) -> tuple[str, str]:
+def decode(raw: bytes) -> tuple[str, str]:
+    """Return the encoding and the text of a file's first bytes.
+
+    Raises:
+        UnknownFormat: binary.
+    """
     for mark, encoding in (
         (codecs.BOM_UTF8, "utf-8-sig"),
         (codecs.BOM_UTF16_LE, "utf-16"),

@@ -261,6 +261,13 @@ class _Parser:
         if kind == "glob" or (kind == "quoted" and "*" in value and value[1:-1] not in self.names):
             return self.matching(value.strip('"'), where)
         if kind not in ("name", "quoted"):
+            before = self.tokens[self.at - 3 : self.at - 1]
+            if [token[:2] for token in before[1:]] == [("sign", "*")] and before[0][0] == "name":
+                self.fail(
+                    f"'*' multiplies here, since '{before[0][1]}' is a column itself, and nothing follows it (a pattern of "
+                    f'several columns stands in quotes, "{before[0][1]}*")',
+                    where,
+                )
             self.fail("a column is missing", where)
         first = self.column(value, kind == "quoted")
         if not self.takes(".."):

@@ -54,7 +54,7 @@ class Names:
         expression = re.compile("(.+?)".join(map(re.escape, parts)), re.S)
         found: list[tuple[str, str]] = []
         for name in self.columns:
-            match = expression.fullmatch(name) or expression.fullmatch(units.split(name)[0])
+            match = expression.fullmatch(units.split(name)[0]) or expression.fullmatch(name)
             if match and len(name) <= units.LONGEST:
                 found.append((name, "_".join(group.strip("/. ") for group in match.groups())))
         return found

@@ -14,9 +14,10 @@ from itertools import islice
 import numpy as np
 
 from backdrive.errors import ReadError, UnknownFormat
+from backdrive.logs.readers import _list_cells
 from backdrive.logs.readers._blocks import numbers
 from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
-from backdrive.logs.readers._labels import constant_names
+from backdrive.logs.readers._labels import constant_names, holds_names, in_order, is_indexed_name, read_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 _SAMPLE = 1 << 16
@@ -34,6 +35,8 @@ def read(path: str, options: ReadOptions) -> Columns:
         raw = stream.read(_SAMPLE)
     if not raw.strip(b"\r\n\t \x00"):
         raise UnknownFormat("The file is empty.", remedy="Record the log again, or name another file.")
+    if (lists := _list_cells.sniff(raw, whole=len(raw) < _SAMPLE)) is not None:
+        return _with_lists(path, lists, options)
     dialect = sniff(raw, whole=len(raw) < _SAMPLE)
     options.limits.check_count(dialect.width, "columns")
     notes: list[str] = []
@@ -50,12 +53,38 @@ def read(path: str, options: ReadOptions) -> Columns:
     for i, name in enumerate(dialect.names):
         if i in times:
             arrays[name] = times[i]
-        elif i in dialect.text:
+        elif i in dialect.text and not (joints and is_indexed_name(name)):
             notes.append(f"Column '{name}' holds words and was left out.")
-        elif not name.startswith("column_") or dialect.headless or np.isfinite(table[i]).any():
+        elif i not in dialect.text and (
+            not name.startswith("column_") or dialect.headless or np.isfinite(table[i]).any()
+        ):
             arrays[name] = table[i]
     origin = {dialect.names[i]: _begin(words[i][0]) for i in times if words[i]}
     return Columns(arrays=arrays, units=dialect.units, joints=joints, notes=tuple(notes), origin=origin)
+
+
+def _with_lists(path: str, table: _list_cells.ListTable, options: ReadOptions) -> Columns:
+    """Read a table whose cells hold lists."""
+    options.limits.check_count(len(table.names), "columns")
+    notes: list[str] = []
+    columns = _list_cells.read_cells(path, table, notes)
+    arrays: dict[str, np.ndarray] = {}
+    origin: dict[str, float] = {}
+    joints: tuple[str, ...] = ()
+    order: np.ndarray | None = None
+    for i, (name, found) in enumerate(zip(table.names, columns, strict=True)):
+        value = _list_cells.numbers_of(found) if i in table.lists else _list_cells.scalars(found)
+        if value is None and i not in table.lists and (value := _clock(found)) is not None:
+            origin[name] = _begin(found[0])
+        if value is not None:
+            options.limits.check_count(value.shape[-1] if value.ndim > 1 else 1, "columns")
+            arrays[name] = value
+        elif holds_names(name) and not joints:
+            joints, order = read_names(_list_cells.words_of(found), name, notes)
+        else:
+            notes.append(f"Column '{name}' holds words, or lists of different lengths, and was left out.")
+    arrays = in_order(arrays, order, notes)
+    return Columns(arrays=arrays, units=table.units, joints=joints, notes=tuple(notes), origin=origin)
 
 
 def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray, dict[int, list[str]]]:
