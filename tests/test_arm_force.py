@@ -16,6 +16,7 @@ from _arm_force import (
     PUSH,
     ROBOT,
     SLIDING,
+    TEXT,
     L,
     log_of,
     model_of,
@@ -194,7 +195,15 @@ def test_fewer_than_six_joints_tell_the_part_of_a_wrench_that_they_feel():
 
 def test_one_door_for_joints_and_arms():
     assert isinstance(ExternalForce.from_model(MODEL, ROBOT, method="extended"), ArmForce)
-    assert isinstance(ExternalForce.from_model(MODEL, "j1"), ExternalForce)
+    assert isinstance(ExternalForce.from_model(model_of(arm=None), "j1"), ExternalForce)
+    with pytest.raises(InvalidInput, match=r"whole arm.*'j1'.*ArmForce"):
+        ExternalForce.from_model(MODEL, "j1")
+
+
+def test_a_description_may_be_named_by_a_plain_string(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(TEXT)
+    assert isinstance(ExternalForce.from_model(MODEL, str(path)), ArmForce)
 
 
 def test_links_get_a_mass_where_no_joint_feels_it():
