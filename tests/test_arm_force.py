@@ -132,6 +132,24 @@ def test_bad_readings_give_a_status_and_leave_the_results():
     assert not running.force.any()
 
 
+def test_no_reading_raises_and_a_jump_is_not_believed():
+    running = ArmForce.from_model(MODEL, ROBOT, bandwidth=L, frame="tip").online(DT)
+    q, u = np.full(6, 0.4), np.zeros(6)
+    assert running.tick(q * np.nan, u) is Status.NOT_FINITE
+    for _ in range(50):
+        assert running.tick(q, u) is Status.OK
+    force = running.force.copy()
+    assert running.tick(np.zeros(5), u) is Status.NOT_FINITE
+    assert running.tick(q, u, temperature=np.zeros(3)) is Status.NOT_FINITE
+    assert running.tick(None, u) is Status.NOT_FINITE
+    assert running.tick(q + 1e9, u) is Status.JUMP
+    np.testing.assert_array_equal(running.force, force)
+    assert running.tick(q, u) is Status.OK
+    assert running.force == pytest.approx(force, rel=0.1, abs=1.0)
+    told = [running.tick(q + 7.0, u) for _ in range(100)]
+    assert told[0] is Status.JUMP and told[-1] is Status.OK and np.abs(running.force).max() < 500.0
+
+
 def test_a_tick_keeps_no_memory():
     running = ArmForce.from_model(MODEL, ROBOT, method="extended", bandwidth=L, frame="tip").online(DT)
     q, u = np.full(6, 0.4), np.zeros(6)

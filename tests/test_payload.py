@@ -247,7 +247,9 @@ def test_the_command(tmp_path, model, bare, loaded, robot):
     assert done.exit_code == 0 and "gain of lift" in done.output and "as given" in done.output
     for wrong in (
         ["--known-mass", "2"],
+        ["--gain-error", "0"],
         [*urdf, "--payload", "--contact"],
+        [*urdf, "--payload", "--method", "kalman"],
         ["--payload"],
         [*urdf, "--payload", "--at", "1,2"],
     ):

@@ -165,6 +165,7 @@ def command(
             "--joint": joint,
             "--free": free,
             "--contact": contact,
+            "--method": None if method == "auto" else method,
             "--bandwidth": bandwidth,
             "--output": output,
             "--plot": plot,

@@ -123,7 +123,7 @@ class ArmEstimate:
             )
         carried = self._load_at_rest(arm, time, force, state)
         results, told = [], at_motors(self.estimator, log)
-        remarks += coupling_notes(self.estimator)
+        remarks += coupling_notes(self.estimator, log)
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
                 remarks.append(
