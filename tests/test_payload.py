@@ -257,6 +257,13 @@ def test_the_command(tmp_path, model, bare, loaded, robot):
         assert done.exit_code != 0
 
 
+def test_degrees_are_refused_and_joints_that_are_held_are_named(bare, robot):
+    with pytest.raises(InvalidInput, match="look like degrees.*deg"):
+        identify_arm(bare.replace(position=np.rad2deg(10.0 * bare.position)), robot)
+    frictions, _, _ = identify_arm(bare.select(NAMES[:3]), robot)
+    assert any("roll is not in the log: it is held at 0" in line for f in frictions for line in f.warnings)
+
+
 def test_the_model_keeps_how_sure_its_bodies_are(tmp_path, model):
     from backdrive import load_model
 

@@ -94,7 +94,7 @@ def coupling_notes(estimator: ArmForce, log: Log) -> list[str]:
     ]
     assumed = (
         "The log was read as that of the joints, with the coupling of the model: for a log of the motors, give "
-        "--coupling FILE; --coupling-side joint states that it is of the joints."
+        "--coupling FILE (with --coupling-side joint where the log is of the joints)."
     )
     return [
         *([] if log.coupling is not None else [assumed]),
