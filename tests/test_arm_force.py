@@ -16,6 +16,7 @@ from _arm_force import (
     PUSH,
     ROBOT,
     SLIDING,
+    TEXT,
     L,
     log_of,
     model_of,
@@ -131,6 +132,24 @@ def test_bad_readings_give_a_status_and_leave_the_results():
     assert not running.force.any()
 
 
+def test_no_reading_raises_and_a_jump_is_not_believed():
+    running = ArmForce.from_model(MODEL, ROBOT, bandwidth=L, frame="tip").online(DT)
+    q, u = np.full(6, 0.4), np.zeros(6)
+    assert running.tick(q * np.nan, u) is Status.NOT_FINITE
+    for _ in range(50):
+        assert running.tick(q, u) is Status.OK
+    force = running.force.copy()
+    assert running.tick(np.zeros(5), u) is Status.NOT_FINITE
+    assert running.tick(q, u, temperature=np.zeros(3)) is Status.NOT_FINITE
+    assert running.tick(None, u) is Status.NOT_FINITE
+    assert running.tick(q + 1e9, u) is Status.JUMP
+    np.testing.assert_array_equal(running.force, force)
+    assert running.tick(q, u) is Status.OK
+    assert running.force == pytest.approx(force, rel=0.1, abs=1.0)
+    told = [running.tick(q + 7.0, u) for _ in range(100)]
+    assert told[0] is Status.JUMP and told[-1] is Status.OK and np.abs(running.force).max() < 500.0
+
+
 def test_a_tick_keeps_no_memory():
     running = ArmForce.from_model(MODEL, ROBOT, method="extended", bandwidth=L, frame="tip").online(DT)
     q, u = np.full(6, 0.4), np.zeros(6)
@@ -194,7 +213,15 @@ def test_fewer_than_six_joints_tell_the_part_of_a_wrench_that_they_feel():
 
 def test_one_door_for_joints_and_arms():
     assert isinstance(ExternalForce.from_model(MODEL, ROBOT, method="extended"), ArmForce)
-    assert isinstance(ExternalForce.from_model(MODEL, "j1"), ExternalForce)
+    assert isinstance(ExternalForce.from_model(model_of(arm=None), "j1"), ExternalForce)
+    with pytest.raises(InvalidInput, match=r"whole arm.*'j1'.*ArmForce"):
+        ExternalForce.from_model(MODEL, "j1")
+
+
+def test_a_description_may_be_named_by_a_plain_string(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text(TEXT)
+    assert isinstance(ExternalForce.from_model(MODEL, str(path)), ArmForce)
 
 
 def test_links_get_a_mass_where_no_joint_feels_it():
@@ -257,10 +284,10 @@ def test_logs_that_are_not_of_this_arm_are_refused():
     log = log_of(PUSH, n=3000)
     with pytest.raises(InvalidInput, match=r"whole arm.*urdf"):
         estimate_force(SLIDING, log)
-    with pytest.raises(InvalidInput, match=r"another robot or of other joints"):
+    with pytest.raises(InvalidInput, match=r"sign turned round|most of the joints"):
         estimate_force(SLIDING, log.replace(torque=-log.torque), robot=ROBOT)
     order = ("j1", "j0", "j3", "j2", "j5", "j4")
-    with pytest.raises(InvalidInput, match=r"order or sign differ"):
+    with pytest.raises(InvalidInput, match=r"order or sign of the joints differ"):
         estimate_force(SLIDING, log_of(PUSH, n=3000, names=order), robot=ROBOT)
     with pytest.raises(InvalidInput, match=r"'j0'.*look like degrees"):
         estimate_force(SLIDING, log.replace(position=np.rad2deg(log.position)), robot=ROBOT)

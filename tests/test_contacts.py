@@ -140,6 +140,20 @@ def test_groups_are_apart_in_time_and_few_peaks_are_no_tail():
         tail([(np.ones(50), np.arange(50.0))], 50.0, 0.25)
 
 
+def test_every_threshold_beyond_the_free_motion_is_named():
+    rng = np.random.default_rng(12)
+    short = with_contacts(calibrated(["j1", "j2"], 60.0, rng, heavy=True), 0.1)
+    (line,) = [one for one in short.remarks if "hardly determines these thresholds" in one]
+    for t in short.thresholds:
+        poor = t.bands > 3.0 * t.highest or t.interval[1] > 2.0 * t.interval[0]
+        assert (f"'{t.joint}' {t.state}: {t.bands:.3g} bands" in line) == bool(t.peaks and poor)
+        above = f"likely between {t.interval[0]:.3g} and {t.interval[1]:.3g}, and the threshold deliberately above"
+        if t.peaks and poor and t.bands > t.interval[1]:
+            assert above in line
+    long = with_contacts(calibrated(["j1"], 7200.0, rng), 1.0)
+    assert not any("hardly determines" in one for one in long.remarks)
+
+
 def test_a_push_is_a_contact_with_its_joint_sign_and_time():
     rng = np.random.default_rng(5)
 

@@ -92,6 +92,8 @@ def test_without_a_push_hardly_anything_lies_outside(model):
 def test_gravity_and_offset_of_the_model_come_along():
     free = log_of(*simulated(16.0, 0.0, 4, gravity=6.0)[:3])
     found = identify(free, gravity=True).model
+    with pytest.raises(InvalidInput, match="A bandwidth of -1"):
+        ExternalForce.from_model(found, "elbow", bandwidth=-1.0)
     made = ExternalForce.from_model(found, "elbow", bandwidth=60.0)
     value = {term: e.value for term, e in found.joints[0].dynamics.items()}
     assert (made.inertia, made.gravity_sin) == (value["inertia"], value["gravity_sin"])

@@ -8,7 +8,9 @@ import pytest
 pytest.importorskip("pinocchio")
 
 from _arm_force import PUSH, ROBOT, SLIDING, log_of
-from backdrive.external import estimate_force
+from backdrive.external import JointForce, estimate_force
+from backdrive.external.comparison import doubts
+from backdrive.logs.log import Joint
 
 
 @pytest.fixture(scope="module")
@@ -17,7 +19,9 @@ def log():
 
 
 def about(log, known):
-    estimate = estimate_force(SLIDING, replace(log, external_torque=known), robot=ROBOT)
+    estimate = estimate_force(
+        SLIDING, replace(log, external_torque=known), robot=ROBOT, accept=("torque-share",)
+    )
     return [line for line in estimate.remarks if "external torque differs" in line]
 
 
@@ -32,6 +36,27 @@ def test_a_sign_and_an_order_that_do_not_fit_are_named(log):
     assert "its sign turned round" in said
     swapped = about(log, log.external_torque[:, [1, 0, 2, 3, 4, 5]])
     assert any("Joint 'j1'" in said and "joint 'j0'" in said for said in swapped)
+
+
+def test_a_turned_sign_is_named_even_where_the_band_is_wide():
+    t = np.arange(4000) / 100.0
+    known = 3.0 * np.sin(t)
+    force = JointForce(
+        joint=Joint(name="j"),
+        time=t,
+        force=known,
+        friction=0.0 * t,
+        lower=known - 20.0,
+        upper=known + 20.0,
+        state=np.zeros(t.size, dtype=np.int8),
+        method="momentum",
+        bandwidth=50.0,
+        lag=0.02,
+        known=-known,
+    )
+    (said,) = doubts([force])
+    assert "its sign turned round" in said
+    assert not doubts([replace(force, known=known)])
 
 
 def test_a_torque_of_the_wrong_sign_is_named_by_the_known_one(log):

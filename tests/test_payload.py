@@ -207,11 +207,19 @@ def test_what_is_no_payload_is_refused_and_another_robot_is_named(model, bare, l
             estimate_payload(model, loaded, robot, frame="tool", **wrong)
     with pytest.raises(InvalidInput, match="whole arm"):
         estimate_payload(replace(model, arm=None), loaded, robot)
-    try:
-        result = estimate_payload(model, other, robot, frame="tool")
-    except NotIdentifiable:
-        return
-    assert any("does not explain the log" in r for r in result.remarks)
+    with pytest.raises(InvalidInput, match="does not explain the log.*torque-share"):
+        estimate_payload(model, other, robot, frame="tool")
+
+
+def test_a_payload_from_logs_in_another_order_is_refused(model, bare, loaded, robot):
+    order = [0, 2, 1, 3]
+    swapped = [
+        one.replace(torque=one.torque[:, order], position=one.position[:, order]) for one in (loaded, bare)
+    ]
+    with pytest.raises(InvalidInput, match=r"does not explain the unloaded log.*lift.*--names|`names`"):
+        estimate_payload(model, swapped[0], robot, frame="tool", unloaded=swapped[1])
+    result = estimate_payload(model, loaded, robot, frame="tool", unloaded=bare)
+    assert not any("unloaded log (" in line for line in result.remarks)
 
 
 def test_the_command(tmp_path, model, bare, loaded, robot):
@@ -239,12 +247,21 @@ def test_the_command(tmp_path, model, bare, loaded, robot):
     assert done.exit_code == 0 and "gain of lift" in done.output and "as given" in done.output
     for wrong in (
         ["--known-mass", "2"],
+        ["--gain-error", "0"],
         [*urdf, "--payload", "--contact"],
+        [*urdf, "--payload", "--method", "kalman"],
         ["--payload"],
         [*urdf, "--payload", "--at", "1,2"],
     ):
         done = CliRunner().invoke(app, [*usual, *wrong])
         assert done.exit_code != 0
+
+
+def test_degrees_are_refused_and_joints_that_are_held_are_named(bare, robot):
+    with pytest.raises(InvalidInput, match="look like degrees.*deg"):
+        identify_arm(bare.replace(position=np.rad2deg(10.0 * bare.position)), robot)
+    frictions, _, _ = identify_arm(bare.select(NAMES[:3]), robot)
+    assert any("roll is not in the log: it is held at 0" in line for f in frictions for line in f.warnings)
 
 
 def test_the_model_keeps_how_sure_its_bodies_are(tmp_path, model):

@@ -26,7 +26,11 @@ def check_options(payload: bool, urdf: Any, own: Mapping[str, Any], others: Mapp
     Raises:
         InvalidInput: names the option.
     """
-    wrong = [name for name, value in (others if payload else own).items() if value not in (None, False, [])]
+    wrong = [
+        name
+        for name, value in (others if payload else own).items()
+        if not (value is None or value is False or value == [])
+    ]
     if wrong:
         raise InvalidInput(
             f"{wrong[0]} {'does not go with' if payload else 'goes with'} --payload.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,9 +12,16 @@ import typer
 
 from backdrive.cli import _logs
 from backdrive.cli._estimate_output import print_result
+from backdrive.cli._maps import without_channels
 from backdrive.cli._output import echo, print_json
 from backdrive.cli._payload import center_from, check_options, print_payload
 from backdrive.cli._progress import progress
+
+COMPARED = (
+    "tau_ext",
+    "external_torque",
+    "wrench",
+)  # channels that are only compared, and that other logs need not hold
 
 
 @_logs.with_reading
@@ -128,6 +136,7 @@ def command(
     from backdrive import load_model
     from backdrive.errors import InvalidInput
     from backdrive.external import estimate_force, estimate_payload
+    from backdrive.external.explained import ACCEPT
     from backdrive.identification.repairs import healthy
 
     if output is not None and output.suffix not in (".csv", ".parquet"):
@@ -156,6 +165,7 @@ def command(
             "--joint": joint,
             "--free": free,
             "--contact": contact,
+            "--method": None if method == "auto" else method,
             "--bandwidth": bandwidth,
             "--output": output,
             "--plot": plot,
@@ -163,9 +173,12 @@ def command(
             "--wrench-axes": wrench_axes,
         },
     )
+    trusted = [ACCEPT] if ACCEPT in (accept or []) else []
+    accept = [name for name in accept or [] if name != ACCEPT]
     if false_alarms is not None and not contact:
         raise InvalidInput("--false-alarms applies to contacts only.", remedy="Add --contact.")
     loaded = load_model(model)
+    apart = replace(reading, map=without_channels(reading.map, COMPARED))
     with progress(quiet=as_json) as say:
         say("Reading")
         read = reading.read([log])
@@ -173,11 +186,11 @@ def command(
             raise InvalidInput(f"{log} holds {len(read)} logs.", remedy="Give one file at a time.")
         say("Checking the log")
         suspect: list[str] = []
-        sound = healthy(read[0], accept or [], repair, suspect)
+        sound = healthy(read[0], accept, repair, suspect)
         if payload:
             say("Estimating the payload")
-            bare = reading.read_apart([unloaded]) if unloaded else []
-            bare = [healthy(one, accept or [], repair, suspect) for one in bare]
+            bare = apart.read_apart([unloaded]) if unloaded else []
+            bare = [healthy(one, accept, repair, suspect) for one in bare]
             carried = estimate_payload(
                 loaded,
                 sound,
@@ -187,12 +200,13 @@ def command(
                 known_mass=known_mass,
                 at=place,
                 gain_error=gain_error,
+                accept=trusted,
             )
     if payload:
         print_payload(carried, suspect, as_json)
         return
     with progress(quiet=as_json) as say:
-        untouched = [healthy(one, accept or [], repair, suspect) for one in reading.read_apart(free or [])]
+        untouched = [healthy(one, accept, repair, suspect) for one in apart.read_apart(free or [])]
         say("Estimating")
         result = estimate_force(
             loaded,
@@ -205,6 +219,7 @@ def command(
             frame=frame,
             wrench_axes=wrench_axes or "frame",
             false_alarms=(1.0 if false_alarms is None else false_alarms) if contact else None,
+            accept=trusted,
         )
         suspect += result.remarks
         if output is not None:

@@ -18,19 +18,18 @@ import numpy as np
 from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, with_break_away
 from backdrive.control.estimators.sliding_mode import MotionFilter
-from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.errors import NotIdentifiable
+from backdrive.external.alternatives import Instants
 from backdrive.external.arm_log import ArmLog, arm_log, at_motors, coupling_notes
 from backdrive.external.bands import band, growth_of, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
+from backdrive.external.explained import LEAST, check_shares, explained
 from backdrive.external.joint import (
     AUTO,
-    EXPLAINED,
-    LEAST,
     SETTLED,
     delay_of,
     noise_of,
     reference_torque,
-    share_of_torque,
     speed_along,
 )
 from backdrive.external.result import STATES, JointForce
@@ -52,18 +51,26 @@ REST = STATES.index("rest")
 class ArmEstimate:
     """Estimates along logs of one arm."""
 
-    def __init__(self, model: FrictionModel, robot: str | Path | Robot, frame: str | None = None):
+    def __init__(
+        self,
+        model: FrictionModel,
+        robot: str | Path | Robot,
+        frame: str | None = None,
+        accepted: bool = False,
+    ):
         """Take the arm's parameters from the model.
 
         Args:
             model: of a whole arm.
             robot: path of its description, or the robot.
             frame: at which a wrench is wanted; None: none.
+            accepted: estimate logs whose torque the model does not explain, too.
 
         Raises:
             InvalidInput: the model is not of an arm, or belongs to another description.
             UnknownName: there is no such frame.
         """
+        self.accepted = accepted
         self.estimator = ArmForce.from_model(model, robot, frame=frame)
         self.frictions = tuple(with_break_away(model.joint(name)) for name in self.estimator.joints)
         J, coupling = len(self.frictions), self.estimator.coupling
@@ -116,7 +123,7 @@ class ArmEstimate:
             )
         carried = self._load_at_rest(arm, time, force, state)
         results, told = [], at_motors(self.estimator, log)
-        remarks += coupling_notes(self.estimator)
+        remarks += coupling_notes(self.estimator, log)
         for j, friction in enumerate(self.frictions):
             if friction.verdict is not None and friction.verdict.grade in ("poor", "unknown"):
                 remarks.append(
@@ -144,7 +151,15 @@ class ArmEstimate:
             )
             beyond = friction.extrapolation(np.concatenate([s[j].velocity for s in arm.stretches]))
             remarks += [beyond] if beyond else []
-        self._check_robot(arm, results)
+        shares = [
+            explained(one, friction, [s[j] for s in arm.stretches])
+            for j, (one, friction) in enumerate(zip(results, self.frictions, strict=True))
+        ]
+        remarks += check_shares(
+            [s for s in shares if s is not None],
+            lambda: Instants(self.estimator, self.frictions, arm.stretches),
+            self.accepted,
+        )
         return results, remarks
 
     def _load_at_rest(
@@ -276,27 +291,6 @@ class ArmEstimate:
             picks.append(choose(force[:, j], noise, method))
         most = Counter(name for name, _ in picks).most_common(1)[0][0]
         return most, float(np.median([L for _, L in picks]))
-
-    def _check_robot(self, arm: ArmLog, results: Sequence[JointForce]) -> None:
-        """Refuse a log whose torques the model does not explain.
-
-        Raises:
-            InvalidInput: for most joints it explains less than `EXPLAINED`.
-        """
-        shares = {}
-        for j, one in enumerate(results):
-            share = share_of_torque(one, self.frictions[j], [s[j] for s in arm.stretches])
-            if share is not None:
-                shares[one.joint.name] = share
-        poor = {name: share for name, share in shares.items() if share < EXPLAINED}
-        if len(poor) > 0.5 * max(len(shares), 1):
-            told = ", ".join(f"{name} {100 * max(share, 0.0):.0f} %" for name, share in poor.items())
-            raise InvalidInput(
-                f"The model explains almost none of the torque in motion ({told}). The log may be of another robot "
-                f"or of other joints, or order or sign differ.",
-                remedy="Check --names, the unit and the sign of the torque, and that model and log belong to the "
-                "same arm.",
-            )
 
 
 def _settles(parts: Sequence[tuple[np.ndarray, ...]], plain: Sequence[tuple[np.ndarray, ...]]) -> bool:

@@ -66,7 +66,7 @@ def arm_log(estimator: ArmForce, frictions: Sequence[JointFriction], log: Log) -
             raise InvalidInput(
                 f"Joint '{friction.joint.name}' moves at {fastest:.3g} {friction.joint.unit}/s, {fastest / top:.0f} times as "
                 "fast as when the model was identified: its positions look like degrees.",
-                remedy="Read the log with its unit (--unit deg).",
+                remedy="State the factor in the map, for example --map q=deg*q1..q6, or --unit deg where no map names the column.",
             )
     return ArmLog(log=whole, stretches=tuple(zip(*by_joint, strict=True)))
 
@@ -84,15 +84,20 @@ def at_motors(estimator: ArmForce, log: Log) -> Log:
     return one.replace(coupling=None, **others, **moved)
 
 
-def coupling_notes(estimator: ArmForce) -> list[str]:
-    """Return remarks for motors that drive several joints."""
+def coupling_notes(estimator: ArmForce, log: Log) -> list[str]:
+    """Return remarks for motors that drive several joints, and on the side that a log without a coupling is taken for."""
     if estimator.coupling is None:
         return []
     tied = (np.array(estimator.coupling) != 0.0) & ~np.eye(len(estimator.joints), dtype=bool)
     names = [
         n for n, row, column in zip(estimator.joints, tied, tied.T, strict=True) if row.any() or column.any()
     ]
+    assumed = (
+        "The log was read as that of the joints, with the coupling of the model: for a log of the motors, give "
+        "--coupling FILE (with --coupling-side joint where the log is of the joints)."
+    )
     return [
+        *([] if log.coupling is not None else [assumed]),
         f"Motors of {', '.join(names)} drive several joints. Torques, bands and contacts refer to the motors, where "
-        f"friction acts, and the wrench to the arm."
+        f"friction acts, and the wrench to the arm.",
     ]

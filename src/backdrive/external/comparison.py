@@ -11,6 +11,7 @@ from backdrive.external.result import STATES, JointForce
 SHARE = 0.25  # least unexplained share of the known torque's power before anything is reported [-]
 CLEAR = 0.1  # largest unexplained share by which another sign or joint fits [-]
 BEYOND = 2.0  # and the error must exceed the half width of the 95 % band so many times [-]
+TURNED = 2.0  # least such share where the torque of the other sign fits, whatever the band [-]
 _REST = STATES.index("rest")  # where friction, and so the estimate, may be anything
 
 
@@ -32,7 +33,9 @@ def _doubt(one: JointForce, joints: Sequence[JointForce]) -> str | None:
     own = _mean_square(one.force, known, good)
     half = 0.5 * (one.upper - one.lower)[good]
     band = float(np.sqrt(np.nanmean(half**2))) if np.isfinite(half).any() else 0.0
-    if not (power > 0.0 and own > SHARE * power and own > (BEYOND * band) ** 2):
+    turned = _mean_square(-one.force, known, good)
+    opposite = own > TURNED * power and turned < CLEAR * power and power > 0.0
+    if not opposite and not (power > 0.0 and own > SHARE * power and own > (BEYOND * band) ** 2):
         return None
     start = (
         f"Joint '{one.joint.name}': the log's external torque differs from the estimate by "

@@ -22,6 +22,8 @@ from backdrive.external.tail import clusters, tail
 APART = 0.25  # time below the threshold, after which another contact begins [s]
 ACROSS = 1.0  # longest reversal between two contacts that are joined into one [s]
 HOUR = 3600.0
+FAR = 3.0  # threshold relative to the highest peak of free motion, above which a remark names it [-]
+VAGUE = 2.0  # ratio of the ends of its interval, likewise [-]
 REST, TURNS = STATES.index("rest"), STATES.index("reversing")
 
 
@@ -186,6 +188,17 @@ def _merge(spans: list[tuple[float, float, str, float]]) -> tuple[Contact, ...]:
     return tuple(events)
 
 
+def _unsupported(t: Threshold) -> bool:
+    """Return whether a threshold is far beyond the free motion, or hardly determined by it."""
+    return t.bands > FAR * t.highest or t.interval[1] > VAGUE * t.interval[0]
+
+
+def _interval(t: Threshold) -> str:
+    """Return the interval in words; a threshold may lie above it on purpose."""
+    words = f"the level itself is likely between {t.interval[0]:.3g} and {t.interval[1]:.3g}"
+    return f"{words}, and the threshold deliberately above" if t.bands > t.interval[1] else words
+
+
 def _support_warnings(thresholds: Sequence[Threshold], false_alarms: float) -> list[str]:
     """Return warnings on insufficient free motion: one for all joints, and one for states that it does not contain."""
     lines = []
@@ -195,8 +208,17 @@ def _support_warnings(thresholds: Sequence[Threshold], false_alarms: float) -> l
         lines.append(
             f"The free motion is too short for a rate of {false_alarms:g} false alarms per hour, so thresholds are "
             f"extrapolated. The worst is joint '{worst.joint}', {worst.state}: {worst.hours * 60.0:.3g} min, "
-            f"{worst.extrapolation:.3g} times too short. Its threshold is {worst.bands:.3g} bands, with an interval from "
-            f"{worst.interval[0]:.3g} to {worst.interval[1]:.3g}."
+            f"{worst.extrapolation:.3g} times too short. Its threshold is {worst.bands:.3g} bands; {_interval(worst)}."
+        )
+    wide = [t for t in thresholds if t.peaks and t.bands > 1.0 and _unsupported(t)]
+    if wide:
+        told = "; ".join(
+            f"'{t.joint}' {t.state}: {t.bands:.3g} bands, highest peak of the free motion {t.highest:.3g}, {_interval(t)}"
+            for t in wide
+        )
+        lines.append(
+            f"The free motion hardly determines these thresholds, so contacts may be missed: joint {told}. Record more free "
+            f"motion in this state, or allow more --false-alarms."
         )
     absent = [f"'{t.joint}' {t.state}" for t in thresholds if t.extrapolation == np.inf]
     if absent:

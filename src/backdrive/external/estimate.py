@@ -9,7 +9,8 @@ undetermined within its bounds, and the band is as wide as they are.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.external.calibrate import Calibration, calibrate
 from backdrive.external.comparison import doubts
 from backdrive.external.contacts import with_contacts
+from backdrive.external.explained import ACCEPT, check_free
 from backdrive.external.joint import AUTO, joint_force
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.wrench_axes import AXES
@@ -33,7 +35,7 @@ NO_FRAME = (
 )
 
 
-def estimate_force(
+def estimate_force(  # noqa: PLR0913  (keywords of one door)
     model: FrictionModel,
     log: Log,
     *,
@@ -45,6 +47,7 @@ def estimate_force(
     robot: str | Path | Robot | None = None,
     frame: str | None = None,
     wrench_axes: str = "frame",
+    accept: Sequence[str] = (),
 ) -> ForceEstimate:
     """Return the external torque on the joints that model and log share.
 
@@ -53,13 +56,14 @@ def estimate_force(
         log: with position and torque.
         joints: names; None: all joints of both with a known inertia in the model.
         method: `direct`, `momentum`, `disturbance`, `extended` or `kalman`; `auto`: by the noise of the log.
-        bandwidth: L [1/s]; None: by the noise of the log, with contacts at least 60.
+        bandwidth: L [1/s]; None: by the noise of the log, with contacts at least 100.
         free: logs of motion without contact, for calibrating bands and thresholds; preferably not those that the model was
             fitted to.
         false_alarms: rate of false contacts over all joints [1/h]; None: contacts are not sought.
         robot: description (URDF or MJCF) that a model of a whole arm was identified with, or the robot read from it.
         frame: of the robot, at which the wrench is wanted: a link, a fixed tool or a site; None: no wrench.
         wrench_axes: axes of the log's own wrench, with which the estimate is compared: `frame` (those of `frame`) or `base`.
+        accept: `torque-share` estimates an arm's log, too, whose torque the model does not explain; only remarks tell of it then.
 
     Raises:
         InvalidInput: model and log share no joint, or differ in its unit; a bandwidth or a rate that is not positive; a model of a
@@ -80,11 +84,25 @@ def estimate_force(
             "Contacts need free motion, by which their thresholds are calibrated.",
             remedy="Give a log in which nothing touched the joints (--free FREE.csv).",
         )
+    accept = (accept,) if isinstance(accept, str) else accept
+    for name in accept:
+        lookup(name, {ACCEPT: 0}, "check of an estimate")
     lookup(wrench_axes, dict.fromkeys(AXES, 0), "axes of a wrench")
     least = 0.0 if false_alarms is None else CONTACTS
     if robot is not None or model.arm is not None or frame is not None:
         return _arm(
-            model, log, joints, method, bandwidth, least, free, false_alarms, robot, frame, wrench_axes
+            model,
+            log,
+            joints,
+            method,
+            bandwidth,
+            least,
+            free,
+            false_alarms,
+            robot,
+            frame,
+            wrench_axes,
+            accept,
         )
     names = [n for n in model.names if n in log.names]
     if joints is not None:
@@ -120,6 +138,18 @@ def estimate_force(
     return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
 
 
+@contextmanager
+def naming(log: Log) -> Iterator[None]:
+    """Let an error name the file of a log of free motion."""
+    try:
+        yield
+    except BackdriveError as error:
+        where = log.sources[0].path if log.sources else "a log"
+        raise type(error)(
+            f"Free motion, {where}: {error.message}", remedy=error.remedy, **error.data
+        ) from error
+
+
 def _of_free_motion(model: FrictionModel, log: Log, free: Sequence[Log]) -> list[str]:
     """Return warnings on the logs of free motion."""
     said = []
@@ -148,6 +178,7 @@ def _arm(  # noqa: PLR0913  (what one door hands to the other)
     robot: str | Path | Robot | None,
     frame: str | None,
     wrench_axes: str,
+    accept: Sequence[str],
 ) -> ForceEstimate:
     """Return the external torque on the joints of a whole arm, and the wrench at a frame."""
     from backdrive.external.arm import ArmEstimate
@@ -159,14 +190,18 @@ def _arm(  # noqa: PLR0913  (what one door hands to the other)
             else f"A wrench at '{frame}' needs the arm's description.",
             remedy="Give its description (--urdf ROBOT, URDF or MJCF).",
         )
-    whole = ArmEstimate(model, robot, frame)
+    whole = ArmEstimate(model, robot, frame, ACCEPT in accept)
     results, remarks = whole.forces(log, method, bandwidth, least)
     calibrations: dict[str, Calibration] = {}
     if free:
         like = results[0]
-        parts = [whole.forces(one, like.method, like.bandwidth)[0] for one in free]
+        parts = []
+        for one in free:
+            with naming(one):
+                parts.append(whole.forces(one, like.method, like.bandwidth)[0])
         made = [calibrate([part[j] for part in parts]) for j in range(len(results))]
         calibrations = {one.joint.name: own for one, own in zip(results, made, strict=True)}
+        remarks += check_free(whole.frictions, made)
         ratios = [
             one.speed / own.top_speed for one, own in zip(results, made, strict=True) if one.speed is not None
         ]
@@ -202,4 +237,8 @@ def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce)
             f"Joint '{name}' is in no log of free motion.",
             remedy="Name their joints as in the model (--names).",
         )
-    return calibrate([joint_force(friction, log, like.method, like.bandwidth)[0] for log in logs])
+    forces = []
+    for log in logs:
+        with naming(log):
+            forces.append(joint_force(friction, log, like.method, like.bandwidth)[0])
+    return calibrate(forces)

@@ -12,7 +12,8 @@ from backdrive.control.estimators.of_model import at_rest, fields
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.bands import band, states_along
 from backdrive.external.choose import FASTEST, Noise, choose, turning_of
-from backdrive.external.result import STATES, JointForce
+from backdrive.external.explained import EXPLAINED, LEAST, explained
+from backdrive.external.result import JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.identification.delay import earlier
 from backdrive.identification.signals import Signals, default_cutoff, prepare
@@ -22,9 +23,7 @@ from backdrive.logs.resolution import encoder_step, white_noise
 from backdrive.model import JointFriction
 
 AUTO = "auto"
-LEAST = 16  # samples of an estimate
 SETTLED = 5.0  # settling time at the start of a stretch, without an estimate [lag]
-EXPLAINED = 0.3  # least share of a joint's torque in motion that a model of the same robot explains [-]
 
 
 def joint_force(
@@ -82,11 +81,11 @@ def joint_force(
         known=reference_torque(log, name, time),
         speed=speed_along(stretches, time),
     )
-    share = share_of_torque(result, friction, stretches)
-    if share is not None and share < EXPLAINED:
+    share = explained(result, friction, stretches)
+    if share is not None and share.share < EXPLAINED:
         remarks.append(
-            f"Joint '{name}': the model explains {100.0 * max(share, 0.0):.0f} % of the torque in motion: a large force acts, or "
-            "the log belongs to another joint or robot, or the torque's sign or unit differs."
+            f"Joint '{name}': the model explains {100.0 * max(share.share, 0.0):.0f} % of the torque in motion: a large "
+            "force acts, or the log belongs to another joint or robot, or the torque's sign or unit differs."
         )
     beyond = friction.extrapolation(np.concatenate([s.velocity for s in stretches]))
     return result, remarks + ([beyond] if beyond else [])
@@ -167,21 +166,3 @@ def reference_torque(log: Log, name: str, time: np.ndarray) -> np.ndarray | None
     if one.external_torque is None:
         return None
     return np.interp(time, one.time, one.external_torque[:, 0])
-
-
-def share_of_torque(one: JointForce, friction: JointFriction, stretches: Sequence[Signals]) -> float | None:
-    """Return the share of the torque in motion that the model explains [-]; None at rest, or for a model without friction.
-
-    A model without friction, if that is intended, explains little of the torque.
-
-    Args:
-        one: the estimate.
-        friction: of the model.
-        stretches: of the log.
-    """
-    moving = one.state != STATES.index("rest")
-    if not (one.state == 0).any() or moving.sum() < LEAST or not at_rest(friction.law) > 0.0:
-        return None
-    clock, torque = (np.concatenate([getattr(s, name) for s in stretches]) for name in ("time", "torque"))
-    measured = np.interp(one.time[moving], clock, torque)
-    return 1.0 - float(np.mean(one.force[moving] ** 2)) / max(float(np.mean(measured**2)), 1e-12)

@@ -17,6 +17,7 @@ import numpy as np
 
 from backdrive._upper import Display
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.external.explained import ACCEPT, CHECK, EXPLAINED
 from backdrive.external.gains import Gains, absolute_gains, gain_ratios
 from backdrive.external.payload_fit import PayloadFit, PayloadProblem, PriorKnowledge
 from backdrive.identification.arm_predict import arm_of, coupling_of_model, slip_in
@@ -34,6 +35,9 @@ FOREIGN = (
     3.0,
     0.2,
 )  # a residual this many times the model's, and above this share of the torque, suggests another robot
+UNLOADED = (
+    0.9  # share of an unloaded log's torque, which nothing loads, that the model of its arm explains [-]
+)
 SLIGHT = 3.0  # standard errors below which a mass is not significant
 
 
@@ -110,6 +114,7 @@ def estimate_payload(
     known_mass: float | None = None,
     at: Sequence[float] | None = None,
     gain_error: float | None = None,
+    accept: Sequence[str] = (),
 ) -> PayloadEstimate:
     """Return mass and center of an arm's payload, and the gains of its drives.
 
@@ -122,13 +127,15 @@ def estimate_payload(
         known_mass: of the payload, which then calibrates the gains [kg].
         at: known center of the payload in the frame [m], (3,).
         gain_error: standard deviation of each drive's relative gain error [-]; None: 0.05.
+        accept: `torque-share` estimates from logs, too, whose torque the model does not explain.
 
     Raises:
-        InvalidInput: model, log and robot do not fit, or a number is out of range.
+        InvalidInput: model, log and robot do not fit, the model does not explain the logs, or a number is out of range.
         UnknownName: no such frame.
         NotIdentifiable: too little motion, or the payload's mass is not significant.
     """
     known = _prior_knowledge(known_mass, at, gain_error)
+    accepted = ACCEPT in ((accept,) if isinstance(accept, str) else accept)
     arm, body = arm_of(model, robot)
     frame, placement, link = _frame(body, frame)
     adds = body.base.relation[:, 10 * link : 10 * link + 10] @ frame_change(placement)
@@ -150,8 +157,9 @@ def estimate_payload(
             f"The log holds {problem.rows} rows of moving joints, too few for a payload.",
             remedy="Record some 20 s in which all joints move; at rest, friction hides the weight.",
         )
+    remarks = _unexplained(body, problem.unloaded_shares(), accepted)
     fit = problem.fit(known)
-    remarks = _foreign(body, fit)
+    remarks += _foreign(body, fit, accepted or unloaded is not None)
     if arm.covariance is None and unloaded is None:
         remarks.append(
             "The model contains no uncertainty of its bodies, so the interval does not include it: identify the "
@@ -227,8 +235,38 @@ def _frame(robot: Robot, name: str | None) -> tuple[str, np.ndarray, int]:
     return name, np.array(frame.placement.homogeneous), joint - 1
 
 
-def _foreign(robot: Robot, fit: PayloadFit) -> list[str]:
-    """Return a warning if a payload does not explain the log, for example because the robot is another one."""
+def _unexplained(robot: Robot, shares: np.ndarray | None, accepted: bool) -> list[str]:
+    """Return a remark if the model explains an unloaded log poorly; refuse one that it hardly explains.
+
+    Args:
+        robot: the arm.
+        shares: explained share of the torque of each joint [-], (J,); None without an unloaded log.
+        accepted: remark instead of refusing.
+    """
+    poor = (
+        [(name, s) for name, s in zip(robot.joints, shares, strict=True) if s < UNLOADED]
+        if shares is not None
+        else []
+    )
+    if not poor:
+        return []
+    said = ", ".join(f"{name} {100 * s:.0f} %" for name, s in poor)
+    if min(s for _, s in poor) < EXPLAINED and not accepted:
+        raise InvalidInput(
+            f"The model does not explain the unloaded log (of the torque in motion {said}; below 0 % it is worse than no "
+            f"model): order or sign of the joints, or the robot, differ.",
+            remedy=f"{CHECK} To continue anyway, --accept {ACCEPT}.",
+        )
+    return [
+        f"The model explains only a part of the torque of the unloaded log ({said}), and the payload is as uncertain as that: "
+        f"another order of the joints, tool, temperature or robot is likely. {CHECK}"
+    ]
+
+
+def _foreign(robot: Robot, fit: PayloadFit, accepted: bool) -> list[str]:
+    """Return a warning if a payload does not explain the log, for example because the robot is another one; refuse a log of
+    which hardly anything is explained, unless it is accepted.
+    """
     times, share = FOREIGN
     worse = [
         f"{name} {100 * left:.0f} %, {100 * stated:.0f} % when it was identified"
@@ -237,9 +275,11 @@ def _foreign(robot: Robot, fit: PayloadFit) -> list[str]:
     ]
     if not worse:
         return []
+    said = f"A payload does not explain the log ({'; '.join(worse)} of the torque remains unexplained)."
+    if 1.0 - np.max(fit.residual) ** 2 < EXPLAINED and not accepted:
+        raise InvalidInput(said, remedy=f"{CHECK} To continue anyway, --accept {ACCEPT}.")
     return [
-        f"A payload does not explain the log ({'; '.join(worse)} of the torque remains unexplained). The cause "
-        f"may be another robot, another tool, or a contact."
+        f"{said} The cause may be another order of the joints, another robot, another tool, or a contact."
     ]
 
 

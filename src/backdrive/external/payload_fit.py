@@ -108,6 +108,19 @@ class PayloadProblem:
         """Return payload and gains."""
         return self._result(known, *self._solve(known))
 
+    def unloaded_shares(self) -> np.ndarray | None:
+        """Return the share of each joint's torque in the unloaded log that the model explains [-], (J,); None without one.
+
+        A joint that does not move counts as explained.
+        """
+        if not self.both:
+            return None
+        rows = self._rows[1]
+        x = self._start(PriorKnowledge(gain_error=1.0))[0]
+        fill_load(rows, self._sources[1], self.terms, x[: self.beta.size])
+        left = rows.torque - self._predict(rows, x, False)
+        return np.array([1.0 - _share(left, rows, j) ** 2 for j in range(len(self.terms))])
+
     def _level(self, J: int) -> np.ndarray:
         """Return where base parameters and offsets stand among the coefficients, (b + J,)."""
         b = self.beta.size

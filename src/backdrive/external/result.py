@@ -82,8 +82,9 @@ class Threshold:
     Attributes:
         joint: name.
         state: `moving`, `reversing` or `rest`.
-        bands: the threshold by half the band; at rest by the friction's interval [-].
-        interval: 90 % interval of the threshold [-].
+        bands: the threshold by half the band; at rest by the friction's interval [-]. It has the expected rate of false
+            contacts, averaged over all tails that the peaks leave possible: with few peaks it lies above `interval`.
+        interval: 90 % interval of the level that free motion exceeds at that rate [-].
         peaks: peaks of free motion in the fitted tail; 0 if the threshold is that of another state.
         highest: of them [bands].
         hours: of free motion in this state.

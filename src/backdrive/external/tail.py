@@ -68,7 +68,7 @@ class Tail:
         return self.start + float(np.interp(-np.log(rate), -np.log(rates[shown]), excess[shown]))
 
     def interval(self, rate: float) -> tuple[float, float]:
-        """Return the 90 % interval of the level of a rate [1/s]."""
+        """Return the 90 % interval of the level of a rate [1/s]; `level`, whose rate is an expectation, may be above it."""
         clusters = gamma.ppf(RATES, self.peaks + 0.5) / self.exposure
         odds = np.maximum(clusters[:, None] / rate, 1.0)
         thin = np.where(np.abs(self.shape) < 1e-9, 1e-9, self.shape)

@@ -14,7 +14,14 @@ import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
-from backdrive.identification.arm_checks import beyond_range, impossible, refuse_inversion, remarks
+from backdrive.identification.arm_checks import (
+    beyond_range,
+    held_joints,
+    impossible,
+    refuse_degrees,
+    refuse_inversion,
+    remarks,
+)
 from backdrive.identification.arm_coupling import guess_coupling
 from backdrive.identification.arm_forecast import compare_errors, terms_along
 from backdrive.identification.arm_physical import standard_parameters
@@ -69,16 +76,17 @@ def identify_arm(
         is zero with a standard error. The evidence's torques are low-passed at 5 Hz, like the judged ones.
 
     Raises:
-        InvalidInput: joints, units or channels do not fit.
+        InvalidInput: joints, units or channels do not fit, or positions are in degrees.
         NotIdentifiable: the torque's sign is inverted, no joint moves, or there are too few samples.
     """
     logs = [logs] if isinstance(logs, Log) else list(logs)
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     robot = urdf if isinstance(urdf, Robot) else load_robot(urdf)
-    robot = robot.without_tools(logs[0].names)
+    whole, robot = robot, robot.without_tools(logs[0].names)
     cutoff = cutoff or MOTION_CUTOFF
     seen = [s for log in logs for s in prepare_arm(log, robot, cutoff=cutoff)]
+    refuse_degrees(robot, seen)
     if held_out:
         unseen = hold_out_all([s for log in held_out for s in prepare_arm(log, robot, cutoff=cutoff)])
     else:
@@ -130,7 +138,7 @@ def identify_arm(
     )
     outside = beyond_range(robot, [*seen, *unseen])
     warnings = [a + b for a, b in zip(outside, remarks(robot, terms, rows, solution), strict=True)]
-    warnings[0] += impossible(distance)
+    warnings[0] += impossible(distance) + held_joints(robot, whole)
     guess = guess_coupling(rows, seen, terms, solution)
     if guess is not None:
         warnings[guess.motor] += (guess.sentence(robot.joints),)

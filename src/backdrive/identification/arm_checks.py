@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backdrive.errors import NotIdentifiable
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.arm_signals import ArmSignals
 from backdrive.identification.arm_solve import Solution, correlation_length
 from backdrive.identification.arm_terms import Rows, Terms
@@ -20,6 +20,7 @@ SLOW = 0.02  # least top speed without a remark, relative to the fastest joint o
 SURE = 3.0  # distance of a free estimate beyond a bound above which there is a remark [standard error]
 ONE_WAY = 0.1  # least time in each direction without a remark, relative to the moving time [-]
 BEYOND = 0.05  # tolerance of a joint's range for inexact encoder zeros, relative to the range [-]
+SPAN = 25.0  # stroke that most joints of an arm cannot have [rad]
 LARGE_OFFSET = 0.3  # largest offset without a remark, relative to the mean friction [-]
 
 
@@ -65,6 +66,31 @@ def refuse_inversion(rows: Rows, robot: Robot, terms: Sequence[Terms]) -> None:
             remedy="Turn it round, for example --map tau=-COLUMN, or correct the direction of the joint.",
             joints=inverted,
         )
+
+
+def refuse_degrees(robot: Robot, stretches: Sequence[ArmSignals]) -> None:
+    """Refuse positions in degrees: most of the arm's rotary joints move further than any do in radians.
+
+    Raises:
+        InvalidInput: names the joint that moves furthest, and the way out.
+    """
+    low = np.min([s.position.min(axis=0) for s in stretches], axis=0)
+    high = np.max([s.position.max(axis=0) for s in stretches], axis=0)
+    rotary = np.flatnonzero(np.array(robot.units) == "rad")
+    span = (high - low)[rotary]
+    if rotary.size > 1 and np.count_nonzero(span > SPAN) > 0.5 * rotary.size:
+        furthest = robot.joints[rotary[int(np.argmax(span))]]
+        raise InvalidInput(
+            f"Joint '{furthest}' moves over {span.max():.4g} rad, and most joints that far: the positions look like degrees.",
+            remedy="State the factor in the map, for example --map q=deg*q1..q6, or --unit deg where no map names the column.",
+        )
+
+
+def held_joints(robot: Robot, whole: Robot) -> tuple[str, ...]:
+    """Return a remark on joints of the description that the log does not hold."""
+    names = [name for name in whole.joints if name not in robot.joints]
+    verb = "is not in the log: it is" if len(names) == 1 else "are not in the log: they are"
+    return sentences((names, f"{', '.join(names)} {verb} held at 0, part of the last link of the log."))
 
 
 def impossible(distance: float) -> tuple[str, ...]:

@@ -69,17 +69,40 @@ def parse_robot(content: bytes | str, where: str = "the robot description") -> R
     return robot
 
 
+def _is_of_a_body(moments: np.ndarray) -> bool:
+    """Return whether principal moments of inertia, in order of size, are those of a body."""
+    return bool(moments[2] <= moments[0] + moments[1] + 1e-6 * abs(moments[2]) + 1e-12)
+
+
 def massless(model) -> list[str]:
-    """Return a sentence that names the joints without mass on their link and beyond it."""
+    """Return sentences on joints without mass on their link, or on it and beyond it, and on inertias that no body has."""
     names = list(model.names)
     empty = [
         names[i]
         for i in range(1, len(names))
         if not any(model.inertias[k].mass > 0.0 for k in model.subtrees[i])
     ]
+    bare = [
+        names[i] for i in range(1, len(names)) if names[i] not in empty and not model.inertias[i].mass > 0.0
+    ]
+    said = [
+        f"The link that {name} moves, with what is fixed to it, has no mass in the description: only links beyond it have."
+        for name in bare
+    ]
+    odd = [
+        names[i]
+        for i in range(1, len(names))
+        if not _is_of_a_body(np.linalg.eigvalsh(np.array(model.inertias[i].inertia)))
+    ]
+    if odd:
+        said.append(
+            f"No body has the inertia of the link of {', '.join(odd)}: one moment exceeds the sum of the two others. Correct "
+            f"it, or rely on identified bodies only."
+        )
     if not empty:
-        return []
+        return said
     return [
+        *said,
         f"No link that {', '.join(empty)} moves has an <inertial>, so the description contains no mass there; an identified "
-        f"model has its own bodies."
+        f"model has its own bodies.",
     ]

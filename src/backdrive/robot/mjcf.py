@@ -121,7 +121,14 @@ class Builder:
             waiting = [*self.body(*waiting[0]), *waiting[1:]]
         unlimited = [n for n, r in self.ranges.items() if r.lower == -np.inf]
         remarks = [f"The description states no range of {', '.join(unlimited)}: taken as without."]
-        return self.model, self.ranges, remarks if unlimited else []
+        remarks = remarks if unlimited else []
+        tied = [n.get("joint1") or "" for e in self.root.findall("equality") for n in e if n.tag == "joint"]
+        if tied:
+            remarks.append(
+                f"An <equality> ties {', '.join(tied)} in the description; here each is a joint of its own. Remove its joint "
+                f"if it is not in the log."
+            )
+        return self.model, self.ranges, remarks
 
     def body(
         self, node: Any, parent: int, placed: np.ndarray, style: str | None

@@ -66,6 +66,11 @@ def _bare(root: Any, where: str, remarks: list[str]) -> tuple[str, dict[str, Ran
         _check_inertia(copy, f"{where}: link '{link.get('name')}'")
     parent_of: dict[str, str] = {}
     ranges: dict[str, Range] = {}
+    _check_expanded(root, where)
+    if len({joint.get("name") for joint in joints}) < len(joints):
+        every = [joint.get("name") or "" for joint in joints]
+        twice = next(name for name in every if every.count(name) > 1)
+        raise ReadError(f"{where}: two joints are called '{twice}'.", remedy="Rename one.")
     for joint in joints:
         parent, child = (_end(joint, tag) for tag in ("parent", "child"))
         if parent not in names or child not in names:
@@ -80,6 +85,17 @@ def _bare(root: Any, where: str, remarks: list[str]) -> tuple[str, dict[str, Ran
         copy = SubElement(bare, "joint", name=name, type="revolute" if kind == "continuous" else kind)
         for tag in ("origin", "parent", "child", "axis"):
             copy.extend(joint.findall(tag)[:1])
+        axis = joint.find("axis")
+        if kind in MOVING and axis is not None and not any(map(float, _floats(axis.get("xyz")))):
+            raise ReadError(
+                f"{where}: the axis of joint '{name}' is '{axis.get('xyz')}'.",
+                remedy="Give its direction, such as 0 0 1.",
+            )
+        if kind in MOVING and joint.find("mimic") is not None:
+            remarks.append(
+                f"Joint {name} follows {joint.find('mimic').get('joint')} in the description (<mimic>); here it is a joint of "
+                f"its own. Make it `fixed` if it is not in the log."
+            )
         if kind in MOVING:
             ranges[name] = _range(joint, f"{where}: joint '{name}'")
             wide = {"lower": -WIDE, "upper": WIDE, "velocity": WIDE, "effort": WIDE}
@@ -91,6 +107,25 @@ def _bare(root: Any, where: str, remarks: list[str]) -> tuple[str, dict[str, Ran
     if open_ended:
         remarks.append(f"The description states no range of {', '.join(open_ended)}: taken as without.")
     return tostring(bare, encoding="unicode"), ranges
+
+
+def _check_expanded(root: Any, where: str) -> None:
+    """Refuse elements and expressions of xacro, which are no part of a URDF and would be ignored."""
+    for node in root.iter():
+        written = str(node.tag)
+        if "xacro" in written or any("${" in value for value in node.attrib.values()):
+            raise ReadError(
+                f"{where} holds xacro (<{written.rpartition('}')[2]}>) that is not expanded.",
+                remedy="Expand it: xacro FILE.xacro > FILE.urdf.",
+            )
+
+
+def _floats(text: str | None) -> list[str]:
+    """Return the numbers of an axis as written; one that is missing or unreadable is left to later checks."""
+    try:
+        return [str(float(part)) for part in (text or "1").split()] or ["1"]
+    except ValueError:
+        return ["1"]
 
 
 def _check_tree(names: list[str], parent_of: dict[str, str], where: str) -> None:

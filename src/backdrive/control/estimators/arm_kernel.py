@@ -41,7 +41,9 @@ STATES = sliding_mode.STATES + 10
 # what goes in and out, J numbers each, then the wrench (6), its covariance (36), and how much of it is damping
 POSITION, TORQUE, MIDDLE, VELOCITY, ACCELERATION, FORCE, TAKEN, DEVIATION, OUT = range(9)
 LONGEST = 20.0  # periods that a tick may last
+FASTEST = 1e3  # speed that no joint has [rad/s or m/s]
 OK, NOT_FINITE, BAD_INTERVAL = int(Status.OK), int(Status.NOT_FINITE), int(Status.BAD_INTERVAL)
+JUMP = int(Status.JUMP)
 
 
 @jit
@@ -64,6 +66,9 @@ def before(c, s, io, dt):
     for j in range(2 * J):
         if not np.isfinite(io[j]):
             return NOT_FINITE
+    for j in range(J):
+        if abs(io[j] - s[STATES * j + Q]) > FASTEST * dt:
+            return JUMP
     for j in range(J):
         k, q = STATES * j, io[j]
         dp = q - s[k + Q]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 FULL = 6  # components of a wrench
 SINGULAR = 0.25  # share of the damping in a wrench, above which the posture counts as singular [-]
+PATIENCE = 20  # ticks with positions that no joint can have reached, after which the estimator starts again
 OK = Status.OK
 
 
@@ -104,7 +105,7 @@ class ArmForceTick:
             self._axes, self._jacobian_of = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED, pin.computeFrameJacobian
         kinds = [law.rate.KIND for law in laws], [law.element.KIND for law in laws]
         self._after = kernels.of_kinds(k.after, *kinds)
-        self._fresh = True
+        self._fresh, self._jumps = True, 0
         self.tick(np.zeros(J), np.zeros(J))
         self.reset()
 
@@ -120,7 +121,7 @@ class ArmForceTick:
             position: positions of the joints [rad or m], (J,); None: those of the next tick.
             velocity: velocities of the joints [rad/s or m/s], (J,); None: they rest.
         """
-        self._fresh = position is None
+        self._fresh, self._jumps = position is None, 0
         self._X[:] = self._X0
         self.force[:] = self.friction[:] = 0.0
         if position is None:
@@ -159,19 +160,29 @@ class ArmForceTick:
             temperature: of the joints [degC], (J,); None: as before, 20 at first.
 
         Returns:
-            OK; NOT_FINITE or BAD_INTERVAL where an input was not used: the results stay as they were.
+            OK; NOT_FINITE (also for another shape), JUMP or BAD_INTERVAL where an input was not used: the results stay as they
+            were. After `PATIENCE` ticks of JUMP the estimator starts again from the new positions.
         """
-        self._position[:], self._torque[:] = position, torque
+        try:
+            dt = self.period if interval is None else float(interval)
+            if temperature is not None:
+                self._temperature[:] = temperature
+            self._position[:], self._torque[:] = position, torque
+        except Exception:  # of another shape or type
+            return Status.NOT_FINITE
         if self._fresh:
+            if not np.isfinite(self._position).all():
+                return Status.NOT_FINITE
             k.restart(self._c, self._s, self._io)
             self._fresh = False
-        dt = self.period if interval is None else interval
         status = k.before(self._c, self._s, self._io, dt)
         if status:
+            self._jumps = self._jumps + 1 if status == Status.JUMP else 0
+            if self._jumps > PATIENCE:  # the encoders have another zero
+                self.reset()
             return Status(status)
+        self._jumps = 0
         self.bodies_only()
-        if temperature is not None:
-            self._temperature[:] = temperature
         self._after(
             self._c,
             self._s,

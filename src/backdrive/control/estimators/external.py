@@ -198,19 +198,27 @@ class ExternalForce(WithBounds):
 
         Args:
             model: of friction.
-            joint: name or number. For a whole arm, the `Path` of its description or the `Robot`: this calls
+            joint: name or number. For a whole arm, the path of its description or the `Robot`: this calls
                 `ArmForce.from_model`, which also takes a frame.
             method: as above.
             bandwidth: L [1/s].
 
         Raises:
             NotIdentifiable: the model holds no inertia of the joint.
+            InvalidInput: the model is of a whole arm, whose joints have no inertia and gravity of their own.
         """
-        if not isinstance(joint, str | int):
+        described = isinstance(joint, str) and joint not in model.names and Path(joint).is_file()
+        if described or not isinstance(joint, str | int):
             from backdrive.control.estimators.arm import ArmForce
 
             return ArmForce.from_model(model, joint, method=method, bandwidth=bandwidth)
-        return cls(**fields(model.joint(joint), method, bandwidth))
+        own = model.joint(joint)
+        if model.arm is not None:
+            raise InvalidInput(
+                f"The model is of a whole arm: inertia and gravity of the links that '{own.joint.name}' moves are in its bodies.",
+                remedy="Take ArmForce.from_model(model, ROBOT), with the description that it was identified with.",
+            )
+        return cls(**fields(own, method, bandwidth))
 
     def lag(self, dt: float) -> float:
         """Return the lag of the estimate for a force that grows at a constant rate [s]; NaN for `direct`, whose filter is

@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.sliding_mode import MotionFilter
-from backdrive.errors import NotIdentifiable
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.laws import Decaying, Law, Polyline, Rigid, with_element
 from backdrive.model import JointFriction
 
@@ -41,6 +41,7 @@ def fields(
 
     Raises:
         NotIdentifiable: the model holds no inertia, or none that is positive.
+        InvalidInput: a bandwidth that is not positive.
     """
     name, value = friction.joint.name, {term: e.value for term, e in friction.dynamics.items()}
     inertia = value.get("inertia", 0.0)
@@ -49,6 +50,8 @@ def fields(
             f"Joint '{name}': the model contains no inertia, so no force can be estimated from motion.",
             remedy="Identify a log in which the joint accelerates (`backdrive plan multisine`).",
         )
+    if not 0.0 < bandwidth < np.inf:
+        raise InvalidInput(f"A bandwidth of {bandwidth:g} 1/s.", remedy="Give a positive number, such as 50.")
     law = contact(friction)
     follow = ABRUPT * max(at_rest(law), 1e-9) / inertia if acceleration is None else acceleration
     return dict(
