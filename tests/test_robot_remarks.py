@@ -50,6 +50,7 @@ def test_joints_that_follow_others_get_a_remark():
     [
         ({"axis": "0 0 0"}, "axis of joint 'a' is '0 0 0'"),
         ({"top": '<xacro:property name="x" value="1"/>'}, "xacro"),
+        ({"top": '<x:include xmlns:x="http://x" filename="f"/>'}, "xacro"),
         ({"axis": "0 0 ${pi}"}, "xacro"),
         ({"names": ("a", "a")}, "two joints are called 'a'"),
     ],

@@ -109,10 +109,7 @@ class PayloadProblem:
         return self._result(known, *self._solve(known))
 
     def unloaded_shares(self) -> np.ndarray | None:
-        """Return the share of each joint's torque in the unloaded log that the model explains [-], (J,); None without one.
-
-        A joint that does not move counts as explained.
-        """
+        """Return the share of each joint's torque in the unloaded log that the model explains [-], (J,), or None."""
         if not self.both:
             return None
         rows = self._rows[1]

@@ -87,10 +87,19 @@ def refuse_degrees(robot: Robot, stretches: Sequence[ArmSignals]) -> None:
 
 
 def held_joints(robot: Robot, whole: Robot) -> tuple[str, ...]:
-    """Return a remark on joints of the description that the log does not hold."""
+    """Return remarks on joints of the description that the log does not hold, and on what the description cannot mean."""
     names = [name for name in whole.joints if name not in robot.joints]
     verb = "is not in the log: it is" if len(names) == 1 else "are not in the log: they are"
-    return sentences((names, f"{', '.join(names)} {verb} held at 0, part of the last link of the log."))
+    doubts = [
+        line
+        for line in whole.remarks
+        if line.startswith(("Joint ", "An <equality>", "No body has"))
+        and not any(f" {n} " in line for n in names)
+    ]
+    return (
+        *sentences((names, f"{', '.join(names)} {verb} held at 0, part of the last link of the log.")),
+        *doubts,
+    )
 
 
 def impossible(distance: float) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ WORLD = "world"
 MOVING = ("revolute", "continuous", "prismatic")
 #: How many numbers an attribute holds.
 NUMBERS = {"xyz": 3, "rpy": 3, "value": 1} | dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), 1)
+XACRO = ("include", "macro", "property", "arg", "if", "unless", "insert_block", "call")
 LIMITS = ("lower", "upper", "velocity", "effort")
 
 
@@ -113,7 +114,8 @@ def _check_expanded(root: Any, where: str) -> None:
     """Refuse elements and expressions of xacro, which are no part of a URDF and would be ignored."""
     for node in root.iter():
         written = str(node.tag)
-        if "xacro" in written or any("${" in value for value in node.attrib.values()):
+        of_xacro = written.startswith("{") and written.rpartition("}")[2] in XACRO
+        if of_xacro or "xacro" in written or any("${" in value for value in node.attrib.values()):
             raise ReadError(
                 f"{where} holds xacro (<{written.rpartition('}')[2]}>) that is not expanded.",
                 remedy="Expand it: xacro FILE.xacro > FILE.urdf.",
