@@ -9,7 +9,6 @@ import pytest
 
 from backdrive.errors import ForbiddenContent, IncompleteFile, MappingError, ReadError, UnknownFormat
 from backdrive.logs.readers import (
-    _channels,
     _formats,
     _names,
     hdf5,
@@ -328,11 +327,11 @@ def test_clocks_that_count_from_1970_become_seconds(start, step, seconds):
 
 
 def test_arrays_are_turned_so_that_time_comes_first():
-    assert _channels.orient(np.zeros(5), 5).shape == (5, 1) and _channels.orient(np.zeros(4), 5) is None
-    assert _channels.orient(np.zeros((5, 2)), 5).shape == (5, 2) and _channels.orient(
+    assert _shapes.orient(np.zeros(5), 5).shape == (5, 1) and _shapes.orient(np.zeros(4), 5) is None
+    assert _shapes.orient(np.zeros((5, 2)), 5).shape == (5, 2) and _shapes.orient(
         np.zeros((2, 5)), 5
     ).shape == (5, 2)
-    assert _channels.orient(np.zeros((2, 3)), 5) is None
+    assert _shapes.orient(np.zeros((2, 3)), 5) is None
     for shape, n, joints in (
         ((5,), 5, 1),
         ((4,), 5, 0),
@@ -341,7 +340,7 @@ def test_arrays_are_turned_so_that_time_comes_first():
         ((2, 3), 5, 0),
         ((5, 5), 5, 5),
     ):
-        assert _channels.extent(shape, n) == joints
+        assert _shapes.extent(shape, n) == joints
 
 
 def test_units_bring_columns_to_si():

@@ -136,7 +136,7 @@ def command(
     from backdrive import load_model
     from backdrive.errors import InvalidInput
     from backdrive.external import estimate_force, estimate_payload
-    from backdrive.external.explained import ACCEPT
+    from backdrive.external.explanation import ACCEPT
     from backdrive.identification.repairs import healthy
 
     if output is not None and output.suffix not in (".csv", ".parquet"):

@@ -52,7 +52,7 @@ class Instants:
         J = len(frictions)
         self._C = np.eye(J) if estimator.coupling is None else np.array(estimator.coupling)
 
-    def left(self, order: np.ndarray, turned: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
+    def misfit(self, order: np.ndarray, turned: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
         """Return the share of each joint's torque that stays unexplained with another order or sign [-], (J,), by medians.
 
         Args:
@@ -112,8 +112,8 @@ def better_fit(instants: Instants) -> str | None:
     """Return in words the order or sign that fits far better than the log as it is; None if there is none."""
     J = len(instants.frictions)
     plain, one = np.arange(J), np.ones(J)
-    own = float(np.sum(instants.left(plain, one, one)))
-    tried = [(instants.left(*how), what) for what, *how in instants.candidates()]
+    own = float(np.sum(instants.misfit(plain, one, one)))
+    tried = [(instants.misfit(*how), what) for what, *how in instants.candidates()]
     left, what = min(tried, key=lambda pair: float(np.sum(pair[0])))
     if float(np.sum(left)) < BETTER * own and 1.0 - float(left.max()) > FITS:
         return (

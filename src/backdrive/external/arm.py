@@ -23,7 +23,7 @@ from backdrive.external.alternatives import Instants
 from backdrive.external.arm_log import ArmLog, arm_log, at_motors, coupling_notes
 from backdrive.external.bands import band, growth_of, states_along
 from backdrive.external.choose import FASTEST, Noise, choose
-from backdrive.external.explained import LEAST, check_shares, explained
+from backdrive.external.explanation import LEAST, check_shares, explain
 from backdrive.external.joint import (
     AUTO,
     SETTLED,
@@ -152,7 +152,7 @@ class ArmEstimate:
             beyond = friction.extrapolation(np.concatenate([s[j].velocity for s in arm.stretches]))
             remarks += [beyond] if beyond else []
         shares = [
-            explained(one, friction, [s[j] for s in arm.stretches])
+            explain(one, friction, [s[j] for s in arm.stretches])
             for j, (one, friction) in enumerate(zip(results, self.frictions, strict=True))
         ]
         remarks += check_shares(

@@ -188,7 +188,7 @@ def _merge(spans: list[tuple[float, float, str, float]]) -> tuple[Contact, ...]:
     return tuple(events)
 
 
-def _unsupported(t: Threshold) -> bool:
+def _is_doubtful(t: Threshold) -> bool:
     """Return whether a threshold is far beyond the free motion, or hardly determined by it."""
     return t.bands > FAR * t.highest or t.interval[1] > VAGUE * t.interval[0]
 
@@ -210,7 +210,7 @@ def _support_warnings(thresholds: Sequence[Threshold], false_alarms: float) -> l
             f"extrapolated. The worst is joint '{worst.joint}', {worst.state}: {worst.hours * 60.0:.3g} min, "
             f"{worst.extrapolation:.3g} times too short. Its threshold is {worst.bands:.3g} bands; {_interval(worst)}."
         )
-    wide = [t for t in thresholds if t.peaks and t.bands > 1.0 and _unsupported(t)]
+    wide = [t for t in thresholds if t.peaks and t.bands > 1.0 and _is_doubtful(t)]
     if wide:
         told = "; ".join(
             f"'{t.joint}' {t.state}: {t.bands:.3g} bands, highest peak of the free motion {t.highest:.3g}, {_interval(t)}"

@@ -21,7 +21,7 @@ from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.external.calibrate import Calibration, calibrate
 from backdrive.external.comparison import doubts
 from backdrive.external.contacts import with_contacts
-from backdrive.external.explained import ACCEPT, check_free
+from backdrive.external.explanation import ACCEPT, check_free
 from backdrive.external.joint import AUTO, joint_force
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.wrench_axes import AXES

@@ -12,7 +12,7 @@ from backdrive.control.estimators.of_model import at_rest, fields
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.external.bands import band, states_along
 from backdrive.external.choose import FASTEST, Noise, choose, turning_of
-from backdrive.external.explained import EXPLAINED, LEAST, explained
+from backdrive.external.explanation import EXPLAINED, LEAST, explain
 from backdrive.external.result import JointForce
 from backdrive.external.temperature import along_stretches
 from backdrive.identification.delay import earlier
@@ -81,7 +81,7 @@ def joint_force(
         known=reference_torque(log, name, time),
         speed=speed_along(stretches, time),
     )
-    share = explained(result, friction, stretches)
+    share = explain(result, friction, stretches)
     if share is not None and share.share < EXPLAINED:
         remarks.append(
             f"Joint '{name}': the model explains {100.0 * max(share.share, 0.0):.0f} % of the torque in motion: a large "

@@ -17,7 +17,7 @@ import numpy as np
 
 from backdrive._upper import Display
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.external.explained import ACCEPT, CHECK, EXPLAINED
+from backdrive.external.explanation import ACCEPT, CHECK, EXPLAINED
 from backdrive.external.gains import Gains, absolute_gains, gain_ratios
 from backdrive.external.payload_fit import PayloadFit, PayloadProblem, PriorKnowledge
 from backdrive.identification.arm_predict import arm_of, coupling_of_model, slip_in
@@ -157,7 +157,7 @@ def estimate_payload(
             f"The log holds {problem.rows} rows of moving joints, too few for a payload.",
             remedy="Record some 20 s in which all joints move; at rest, friction hides the weight.",
         )
-    remarks = _unexplained(body, problem.unloaded_shares(), accepted)
+    remarks = _fit_remarks(body, problem.shares_without_load(), accepted)
     fit = problem.fit(known)
     remarks += _foreign(body, fit, accepted or unloaded is not None)
     if arm.covariance is None and unloaded is None:
@@ -235,7 +235,7 @@ def _frame(robot: Robot, name: str | None) -> tuple[str, np.ndarray, int]:
     return name, np.array(frame.placement.homogeneous), joint - 1
 
 
-def _unexplained(robot: Robot, shares: np.ndarray | None, accepted: bool) -> list[str]:
+def _fit_remarks(robot: Robot, shares: np.ndarray | None, accepted: bool) -> list[str]:
     """Return a remark if the model explains an unloaded log poorly; refuse one that it hardly explains.
 
     Args:

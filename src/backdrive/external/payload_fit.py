@@ -108,7 +108,7 @@ class PayloadProblem:
         """Return payload and gains."""
         return self._result(known, *self._solve(known))
 
-    def unloaded_shares(self) -> np.ndarray | None:
+    def shares_without_load(self) -> np.ndarray | None:
         """Return the share of each joint's torque in the unloaded log that the model explains [-], (J,), or None."""
         if not self.both:
             return None

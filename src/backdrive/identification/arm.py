@@ -16,8 +16,8 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import curves
 from backdrive.identification.arm_checks import (
     beyond_range,
-    held_joints,
     impossible,
+    joints_at_zero,
     refuse_degrees,
     refuse_inversion,
     remarks,
@@ -138,7 +138,7 @@ def identify_arm(
     )
     outside = beyond_range(robot, [*seen, *unseen])
     warnings = [a + b for a, b in zip(outside, remarks(robot, terms, rows, solution), strict=True)]
-    warnings[0] += impossible(distance) + held_joints(robot, whole)
+    warnings[0] += impossible(distance) + joints_at_zero(robot, whole)
     guess = guess_coupling(rows, seen, terms, solution)
     if guess is not None:
         warnings[guess.motor] += (guess.sentence(robot.joints),)

@@ -86,7 +86,7 @@ def refuse_degrees(robot: Robot, stretches: Sequence[ArmSignals]) -> None:
         )
 
 
-def held_joints(robot: Robot, whole: Robot) -> tuple[str, ...]:
+def joints_at_zero(robot: Robot, whole: Robot) -> tuple[str, ...]:
     """Return remarks on joints of the description that the log does not hold, and on what the description cannot mean."""
     names = [name for name in whole.joints if name not in robot.joints]
     verb = "is not in the log: it is" if len(names) == 1 else "are not in the log: they are"

@@ -21,13 +21,22 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise, regression
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.evidence import (
+    constant_beside,
     evidence,
     parts_of,
     sentences,
-    separated_constant,
     without_errors,
 )
-from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
+from backdrive.identification.motion_bins import (
+    BIN_TIME,
+    FILLED,
+    HALF,
+    Bins,
+    bin_means,
+    bin_size,
+    bin_time,
+    moves,
+)
 from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
 from backdrive.identification.remark import ONE_WAY_ONLY
@@ -45,7 +54,6 @@ from backdrive.model.covariance import errors_by_parameter
 
 SHORT, FEW_TURNS = 4.0, 4  # least duration of motion [s] and least number of reversals without a remark
 LONG_ENOUGH = 0.25  # least time of sliding near the slowest sliding speed [s]
-MOVE = 0.1  # least duration of a move [s]
 LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
 LEAST_MOVES = 6  # least number of moves for standard errors
 SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
@@ -189,7 +197,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         parts + of_others,
         curves.widen_below(friction.law, slowest, of_curve),
     )
-    constant = separated_constant(friction, NAMED) if choice.candidate.form.symmetric else ""
+    constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     said = filter(None, (support.verdict, constant, smooth.note))
     return friction, replace(support, verdict=" ".join(said))
 
@@ -233,17 +241,6 @@ def slowest_sliding(stretches: Sequence[Any], knots: np.ndarray) -> float:
         if kept >= LONG_ENOUGH:
             return float(knot)
     return float(knots[-1])
-
-
-def moves(stretches: Sequence[Signals]) -> int:
-    """Return the number of moves: sliding between two reversals or rests that lasts at least `MOVE`."""
-    count = 0
-    for s in stretches:
-        way = (np.sign(s.velocity) * s.sliding)[s.sliding | ~s.moving]
-        edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0) != 0)
-        lasting = np.diff(edges) >= MOVE * s.rate
-        count += int(np.count_nonzero(way[edges[:-1]][lasting]))
-    return count
 
 
 def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], slip: Slip) -> tuple[str, ...]:
@@ -303,10 +300,7 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
     """Return the result with warnings on what makes it suspect."""
     symmetric, apart = choice.candidate.form.symmetric, "offset" in choice.candidate.terms
     warnings = sentences(
-        (
-            not both_directions,
-            ONE_WAY_ONLY,
-        ),
+        (not both_directions, ONE_WAY_ONLY),
         (
             not symmetric and apart,
             "Friction at rest was taken as equal in both directions, and the constant torque that is left as an offset: "

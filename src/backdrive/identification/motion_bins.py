@@ -19,6 +19,7 @@ BLOCK_TIME = 1.5  # shortest cross-validation block, unless `BLOCKS` requires sh
 BLOCKS = (8, 24)  # least and largest number of blocks
 # least share of sliding samples in a used bin; least share of moving samples, if there is little motion [-]
 FILLED, HALF = 0.9, 0.5
+MOVE = 0.1  # least duration of a move [s]
 CHUNK = 200_000  # number of samples per chunk of the regressor
 Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
 
@@ -138,6 +139,17 @@ def period_of(moves: Sequence[np.ndarray]) -> float:
 def moves_of(s: Signals) -> np.ndarray:
     """Return the times between reversals [s], (m,)."""
     return np.diff(np.flatnonzero(np.diff(np.sign(s.velocity[s.sliding])) != 0)) / s.rate
+
+
+def moves(stretches: Sequence[Signals]) -> int:
+    """Return the number of moves: sliding between two reversals or rests that lasts at least `MOVE`."""
+    count = 0
+    for s in stretches:
+        way = (np.sign(s.velocity) * s.sliding)[s.sliding | ~s.moving]
+        edges = np.flatnonzero(np.diff(way, prepend=0.0, append=0.0) != 0)
+        lasting = np.diff(edges) >= MOVE * s.rate
+        count += int(np.count_nonzero(way[edges[:-1]][lasting]))
+    return count
 
 
 def bin_means(

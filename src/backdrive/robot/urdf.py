@@ -67,7 +67,7 @@ def _bare(root: Any, where: str, remarks: list[str]) -> tuple[str, dict[str, Ran
         _check_inertia(copy, f"{where}: link '{link.get('name')}'")
     parent_of: dict[str, str] = {}
     ranges: dict[str, Range] = {}
-    _check_expanded(root, where)
+    _refuse_xacro(root, where)
     if len({joint.get("name") for joint in joints}) < len(joints):
         every = [joint.get("name") or "" for joint in joints]
         twice = next(name for name in every if every.count(name) > 1)
@@ -110,7 +110,7 @@ def _bare(root: Any, where: str, remarks: list[str]) -> tuple[str, dict[str, Ran
     return tostring(bare, encoding="unicode"), ranges
 
 
-def _check_expanded(root: Any, where: str) -> None:
+def _refuse_xacro(root: Any, where: str) -> None:
     """Refuse elements and expressions of xacro, which are no part of a URDF and would be ignored."""
     for node in root.iter():
         written = str(node.tag)

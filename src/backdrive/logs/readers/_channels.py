@@ -12,6 +12,7 @@ from backdrive.logs.log import AS_SI, LARGEST
 from backdrive.logs.readers import units
 from backdrive.logs.readers._expression import CHANNEL_OF, Column, Sum, Term
 from backdrive.logs.readers._names import KINDS
+from backdrive.logs.readers._shapes import orient
 from backdrive.logs.readers._tokens import CONSTANTS
 from backdrive.logs.readers.columns import Columns
 
@@ -304,22 +305,6 @@ class Values:
                 self.origin = float(value[0, 0]) * factor
                 return (value - value[0]).astype(float) * factor
         return value
-
-
-def orient(value: np.ndarray, n: int) -> np.ndarray | None:
-    """Return the array as (n, k), transposed if only its second axis has length n; None if neither has."""
-    if value.ndim == 1:
-        return value[:, None] if value.size == n else None
-    if value.shape[0] == n:
-        return value
-    return value.T if value.shape[1] == n else None
-
-
-def extent(shape: tuple[int, ...], n: int) -> int:
-    """Return how many joints an array of this shape holds over n samples; 0 if it does not fit."""
-    if len(shape) == 1:
-        return 1 if shape[0] == n else 0
-    return shape[1] if shape[0] == n else shape[0] if shape[1] == n else 0
 
 
 def describe(columns: Columns) -> str:

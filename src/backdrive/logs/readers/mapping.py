@@ -11,7 +11,8 @@ from backdrive._arguments import NAMES, TABLE, WORD, check_arguments, either, op
 from backdrive.errors import InvalidInput, MappingError
 from backdrive.logs.log import CHANNELS, WRENCH, Joint, Log, Source, channel_unit
 from backdrive.logs.readers import _expression, _names
-from backdrive.logs.readers._channels import INDEX, Values, columns_of, describe, extent
+from backdrive.logs.readers._channels import INDEX, Values, columns_of, describe
+from backdrive.logs.readers._shapes import extent
 from backdrive.logs.readers._sides import divide_by_gear, motor_channels
 from backdrive.logs.readers.columns import Columns
 

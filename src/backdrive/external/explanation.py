@@ -35,7 +35,7 @@ CHECK = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Explained:
+class Explanation:
     """What the model of one joint explains of a log.
 
     Attributes:
@@ -51,7 +51,7 @@ class Explained:
     bands: float
 
 
-def explained(one: JointForce, friction: JointFriction, stretches: Sequence[Signals]) -> Explained | None:
+def explain(one: JointForce, friction: JointFriction, stretches: Sequence[Signals]) -> Explanation | None:
     """Return what a model explains of a joint's torque in motion; None at rest, or for a model without friction.
 
     A model without friction, if that is intended, explains little of the torque.
@@ -68,7 +68,7 @@ def explained(one: JointForce, friction: JointFriction, stretches: Sequence[Sign
     measured, left = np.interp(one.time[moving], clock, torque), one.force[moving]
     known = None if friction.bands is None else friction.bands.moving
     half = np.nan if known is None else known.half_width
-    return Explained(
+    return Explanation(
         joint=one.joint.name,
         share=1.0 - float(np.mean(left**2)) / max(float(np.mean(measured**2)), 1e-12),
         middle=share_by_windows(one.time[moving], left, measured),
@@ -90,7 +90,7 @@ def share_by_windows(time: np.ndarray, left: np.ndarray, measured: np.ndarray) -
 
 
 def check_shares(
-    shares: Sequence[Explained], instants: Callable[[], Instants], accepted: bool = False
+    shares: Sequence[Explanation], instants: Callable[[], Instants], accepted: bool = False
 ) -> list[str]:
     """Return remarks on joints that the model explains poorly, and refuse a log of other joints or another robot.
 
