@@ -104,7 +104,7 @@ def verdict(friction: JointFriction) -> str:
     return f"{amount} {describe_fit(friction)}"
 
 
-def separated_constant(friction: JointFriction, share: float) -> str:
+def constant_remark(friction: JointFriction, share: float) -> str:
     """Return a sentence on the constant torque beside a curve that is the same in both directions; empty if it is small.
 
     Half of what friction differs by between the directions is part of such a constant.

@@ -20,13 +20,7 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise, regression
 from backdrive.identification.delay import delay_signals, earlier
-from backdrive.identification.evidence import (
-    evidence,
-    parts_of,
-    sentences,
-    separated_constant,
-    without_errors,
-)
+from backdrive.identification.evidence import constant_remark, evidence, parts_of, sentences, without_errors
 from backdrive.identification.motion_bins import BIN_TIME, FILLED, HALF, Bins, bin_means, bin_size, bin_time
 from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
@@ -189,9 +183,10 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         parts + of_others,
         curves.widen_below(friction.law, slowest, of_curve),
     )
-    constant = separated_constant(friction, NAMED) if choice.candidate.form.symmetric else ""
-    said = filter(None, (support.verdict, constant, smooth.note))
-    return friction, replace(support, verdict=" ".join(said))
+    constant = constant_remark(friction, NAMED) if choice.candidate.form.symmetric else ""
+    return friction, replace(
+        support, verdict=" ".join(filter(None, (support.verdict, constant, smooth.note)))
+    )
 
 
 def _simplest(
@@ -304,10 +299,7 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
     """Return the result with what makes it suspect said in sentences."""
     symmetric, apart = choice.candidate.form.symmetric, "offset" in choice.candidate.terms
     warnings = sentences(
-        (
-            not both_directions,
-            ONE_WAY_ONLY,
-        ),
+        (not both_directions, ONE_WAY_ONLY),
         (
             not symmetric and apart,
             "Friction at rest was taken as equal in both directions, and the constant torque that is left as an offset: "

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from backdrive.identification.curves import hats
-from backdrive.identification.evidence import describe_fit, separated_constant
+from backdrive.identification.evidence import constant_remark, describe_fit
 from backdrive.identification.sweep_fit import SweepFit
 from backdrive.laws import Polyline
 from backdrive.model import JointFriction
@@ -73,6 +73,6 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
                 f"{1.96 * b:.3f} {unit} along -q (95 %)"
             )
         said += "."
-    if found.symmetric and (constant := separated_constant(friction, NAMED)):
+    if found.symmetric and (constant := constant_remark(friction, NAMED)):
         said += f" {constant}"
     return " ".join([said, *found.notes, describe_fit(friction)])

@@ -76,12 +76,12 @@ def in_order(
     }
 
 
-def is_indexed_name(column: str) -> bool:
+def names_a_joint(column: str) -> bool:
     """Return whether a column is called `name[0]`, `name_1` or the like."""
-    return _indexed_name(column) is not None
+    return _name_with_index(column) is not None
 
 
-def _indexed_name(column: str) -> re.Match[str] | None:
+def _name_with_index(column: str) -> re.Match[str] | None:
     match = _INDEXED.match(column) if len(column) < 200 else None
     return match if match is not None and holds_names(match["stem"]) else None
 
@@ -90,7 +90,7 @@ def constant_names(columns: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
     """Return joint names that columns of words such as `name[0]`, `name[1]` repeat in every row; none where they are not so."""
     found: dict[int, str] = {}
     for column, words in columns.items():
-        match = _indexed_name(column)
+        match = _name_with_index(column)
         if match is None or not words or not words[0].strip('" '):
             continue
         if any(word != words[0] for word in words):

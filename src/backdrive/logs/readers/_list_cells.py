@@ -68,7 +68,7 @@ def sniff(raw: bytes, *, whole: bool) -> ListTable | None:
     if not whole and len(lines) > 1:
         lines.pop()
     best: tuple[int, int, str, tuple[int, ...]] = (0, 0, "", ())
-    rows = list(_joined(iter(lines)))[-_SAMPLED:]
+    rows = list(_rows(iter(lines)))[-_SAMPLED:]
     for delimiter in _DELIMITERS:
         split = [split_cells(row, delimiter) for row in rows]
         shapes = Counter(
@@ -106,7 +106,7 @@ def read_cells(path: str, table: ListTable, notes: list[str]) -> list[list[str]]
     columns: list[list[str]] = [[] for _ in table.names]
     uneven = 0
     with open(path, encoding=table.encoding, errors="replace") as stream:
-        for row in _joined(islice(stream, table.first, None)):
+        for row in _rows(islice(stream, table.first, None)):
             split = split_cells(row, table.delimiter)
             if len(split) != len(columns) or not all(_is_list(split[i]) for i in table.lists):
                 uneven += 1
@@ -183,7 +183,7 @@ def _bare(cell: str) -> str:
     return cell[1:-1].replace('""', '"').strip() if quoted else cell
 
 
-def _joined(lines: Iterator[str]) -> Iterator[str]:
+def _rows(lines: Iterator[str]) -> Iterator[str]:
     """Yield rows that are not empty; a quoted cell may go on in the next lines, as long arrays of numpy do."""
     parts: list[str] = []
     for line in lines:

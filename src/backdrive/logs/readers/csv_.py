@@ -17,7 +17,7 @@ from backdrive.errors import ReadError, UnknownFormat
 from backdrive.logs.readers import _list_cells
 from backdrive.logs.readers._blocks import numbers
 from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
-from backdrive.logs.readers._labels import constant_names, holds_names, in_order, is_indexed_name, read_names
+from backdrive.logs.readers._labels import constant_names, holds_names, in_order, names_a_joint, read_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 _SAMPLE = 1 << 16
@@ -53,7 +53,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     for i, name in enumerate(dialect.names):
         if i in times:
             arrays[name] = times[i]
-        elif i in dialect.text and not (joints and is_indexed_name(name)):
+        elif i in dialect.text and not (joints and names_a_joint(name)):
             notes.append(f"Column '{name}' holds words and was left out.")
         elif i not in dialect.text and (
             not name.startswith("column_") or dialect.headless or np.isfinite(table[i]).any()
