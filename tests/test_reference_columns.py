@@ -11,6 +11,7 @@ from backdrive.errors import ForbiddenContent, IncompleteFile, MappingError, Rea
 from backdrive.logs.readers import (
     _formats,
     _names,
+    _shapes,
     hdf5,
     json_,
     mat,
