@@ -30,7 +30,7 @@ NAMES = ("lift", "bend")
 def link(name, mass, com, inertia):
     return (
         f'<link name="{name}"><inertial><mass value="{mass}"/><origin xyz="{com} 0 0"/>'
-        f'<inertia ixx="0.01" iyy="{inertia}" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<inertia ixx="0.01" iyy="{inertia}" izz="{inertia}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
     )
 
 

@@ -450,17 +450,17 @@ def test_a_line_is_given_up_where_an_f_test_says_so():
         ratio = (power[0] - power[1]) / (full.shape[1] - simple.shape[1]) / power[1] * (28 - full.shape[1])
         freedom = full.shape[1] - simple.shape[1], 28 - full.shape[1]
         assert _chance(simple, full, y) == pytest.approx(f_distribution.sf(ratio, *freedom), rel=1e-6)
-        taken += _choose(tried, y, none)[0] > 1
+        taken += _choose(tried, y, none, "N.m")[0] > 1
     assert taken <= 6  # 1 % of 300, and what chance adds to it
     assert _chance(simple, full, line) == 1.0  # what rounding leaves of a line is not bent
     y = line + bend + 0.02 * rng.standard_normal(28)
     tried = _try_sections(v, y, True, True)
-    assert _choose(tried, y, none)[0] > 1
+    assert _choose(tried, y, none, "N.m")[0] > 1
     assert (
-        _choose({k: tried[k] for k in (3, 6)}, y, none)[0] == 6
+        _choose({k: tried[k] for k in (3, 6)}, y, none, "N.m")[0] == 6
     )  # without a line the least error of left-out runs
     pull = np.stack([bend, np.zeros(28)], axis=1)  # the error of a gravity that looks like it is not followed
-    assert _choose(tried, y, pull)[0] == 1
+    assert _choose(tried, y, pull, "N.m")[0] == 1
 
 
 def test_runs_that_jerk_or_go_one_way_or_feed_energy_are_said():

@@ -7,6 +7,7 @@ from backdrive.identification.sweep_equations import GRAVITY, equations
 from backdrive.identification.sweep_fit import REMEDY, fit
 from backdrive.identification.sweep_knots import SweepKnots, polyline_through, to_polyline
 from backdrive.identification.sweep_verdict import verdict
+from backdrive.identification.terms import estimates
 from backdrive.laws import Law, Polyline
 from backdrive.logs.log import Joint
 from backdrive.model import JointFriction, Quality, Validity
@@ -393,6 +394,7 @@ def shown(found, joint=None, errors=True):
     return JointFriction(
         joint=joint or Joint(name="a"), law=Law(rate=found.law), validity=Validity(velocity=(-2.0, 2.0)),
         standard_errors={"positive": (0.1,) * m, "negative": (0.1,) * m} if errors else {},
+        dynamics=estimates({k: v for k, v in found.terms.items() if k == "offset"}, "rad"),
         fitted=Quality(residual=5.0, residual_raw=5.0, rms=1.0, samples=9),
     )  # fmt: skip
 
