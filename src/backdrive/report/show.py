@@ -65,8 +65,9 @@ def text(result: Any, width: int = 80) -> str:
 
     shown = face(result)
     rows = Table(box=None, padding=(0, 2, 0, 0), pad_edge=False)
-    for name in shown.head:
-        whole = name == "joint" and all(len(row[0]) <= LONGEST_NAME for row in shown.rows)
+    short = all(len(row[0]) <= LONGEST_NAME for row in shown.rows)
+    for number, name in enumerate(shown.head):
+        whole = number == 0 and short  # names of joints and parameters
         rows.add_column(name, justify="left" if name in TEXT else "right", overflow="fold", no_wrap=whole)
     for row in shown.rows:
         rows.add_row(*(_plain(cell) for cell in row))
