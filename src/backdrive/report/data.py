@@ -20,6 +20,13 @@ from backdrive.report.words import count_of, percent, quantity
 
 SHOWN = ("position", "velocity", "torque", "drive_input")  # channels in the table of a log
 AXES = "xyz"
+OF_TORQUE = (
+    "The residual is the RMS of measured minus predicted torque relative to that of the measured torque, both low-passed at 5 Hz "
+    "where the sampling allows; raw: without the low pass."
+)
+OF_MOTION = (
+    "The residual is the RMS error of the position relative to the RMS of the position about its mean."
+)
 
 
 def _range(values: np.ndarray, unit: str) -> str:
@@ -62,7 +69,13 @@ def of_plan(plan: Any) -> Face:
     kinds = " and ".join(sorted({one.kind for one in single}))
     return Face(
         title=f"Plan of {count_of(len(single), 'joint')}: {kinds}",
-        lead=f"{plan.duration:.4g} s, commands {plan.commands}.",
+        lead=f"{plan.duration:.4g} s, commands {plan.commands}. "
+        + (
+            "`plan.position(time)` and `plan.velocity(time)` give the motion at a time."
+            if moves
+            else "`plan.torque(time)` gives the torque at a time."
+        )
+        + " A controller's limits of position, speed and torque must stay active while it follows the plan.",
         head=("joint", "begins", *(("range", "top speed") if moves else ("torque",))),
         rows=[[one.joint, f"{one.start:.4g} s", *_of_one(one)] for one in single],
         figure=(lambda theme: plan_figure(plan, theme=theme))
@@ -86,7 +99,8 @@ def of_validation(result: Validation) -> Face:
     moved = result.quantity == "motion"
     return Face(
         title=f"A model on logs, {count_of(len(result), 'joint')}",
-        lead=f"Predicted: {result.quantity}. Largest residual: {percent(result[worst].residual)}, {worst}."
+        lead=f"Predicted: {result.quantity}. Largest residual: {percent(result[worst].residual)}, {worst}. "
+        + (OF_MOTION if moved else OF_TORQUE)
         if worst
         else "No joint was judged.",
         head=("joint", "residual", *(() if moved else ("raw",)), "rms", "samples"),
@@ -137,7 +151,8 @@ def of_payload(payload: PayloadEstimate) -> Face:
     )
     return Face(
         title=f"Payload at {payload.frame}",
-        lead=f"{payload.mass:.4g} kg.{limited}",
+        lead=f"{payload.mass:.4g} kg.{limited} The center is given in the frame {payload.frame}. Each interval "
+        "holds the true value with a probability of 95 %; gains of the drives are listed where the logs show them.",
         head=("parameter", "value", "95 %"),
         rows=rows,
         warnings=payload.remarks,
