@@ -29,8 +29,8 @@ TERMS = {
     "break-away torque, and the encoder does not show how much. So the band at rest is as wide as the friction of "
     "both directions together, plus 10 %.",
     "Threshold": "An estimate above this multiple of half the band counts as a contact. Free motion exceeds the "
-    "threshold at the stated rate, as far as its length permits an estimate. The interval contains the threshold "
-    "with 90 % confidence.",
+    "threshold at the stated rate, as far as its length permits an estimate. The interval contains the level of "
+    "that rate with 90 % confidence; the threshold may lie above it on purpose.",
     "Independent events": "Neighbouring samples are correlated; so many independent samples would give the same "
     "information.",
     "Acted on": "Share of the time in which zero lies outside the band. Where nothing touches the joint expect up to 5 %.",
@@ -216,7 +216,9 @@ def _figures(estimate: ForceEstimate, one: JointForce) -> str:
     if thresholds:
         ordered = [thresholds[state] for state in STATES]
         rows.append(["Threshold, bands", *(number(t.bands) for t in ordered)])
-        rows.append(["between", *(f"{number(t.interval[0])} and {number(t.interval[1])}" for t in ordered)])
+        rows.append(
+            ["level between", *(f"{number(t.interval[0])} and {number(t.interval[1])}" for t in ordered)]
+        )
         rows.append(
             ["Threshold", *(quantity(t.bands * h, unit) for t, h in zip(ordered, halves, strict=False))]
         )
