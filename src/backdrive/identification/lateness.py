@@ -1,4 +1,4 @@
-"""By how much torque comes later than motion: the shift that explains it best, alone or beside friction that lags by itself.
+"""The delay of the torque behind the motion: the shift that explains it best, alone or beside friction that lags by itself.
 
 Friction that builds up over a distance after each reversal (presliding), or that follows the position, looks like late torque: it
 lags too, though by a distance and not by a time. Bristles and a wave of the position beside the other terms tell the two apart:
@@ -13,17 +13,17 @@ from backdrive.identification.curves import basis
 from backdrive.identification.residual import Residual, orthonormal
 from backdrive.logs.filters import deflections
 
-SECTIONS = 6  # of the curve that a delay is sought beside
-FEWEST_MOVES = 6  # with fewer moves in each direction, no delay is estimated
-LATEST = 0.15  # longest delay that is sought [s]
-DISTANCES = np.geomspace(0.001, 0.2, 14)  # by which friction may lag [share of the range]
+SECTIONS = 6  # number of sections of the curve that is fitted for a delay
+FEWEST_MOVES = 6  # least number of moves for the estimate of a delay
+LATEST = 0.15  # longest delay of the search [s]
+DISTANCES = np.geomspace(0.001, 0.2, 14)  # distances by which friction may lag, relative to the range [-]
 
 
 def delay(res: Residual, *others: np.ndarray) -> tuple[float, float] | None:
-    """Return by how much torque comes later than motion [s], and the residual there by that without a delay [-].
+    """Return the delay of the torque behind the motion [s], and the residual relative to that without a delay [-].
 
-    A curve of the velocity and the rest of a single axis are fitted to torque at every shift; None where the log is too short,
-    or no shift within the range is best.
+    A friction curve and the other terms of a single axis are fitted to torque at every shift. The result is None if the log is
+    too short, or the best shift is at a limit of the range.
 
     Args:
         res: means of motion and torque.
@@ -59,7 +59,7 @@ def delay_beside_distance(res: Residual, *others: np.ndarray) -> tuple[float, fl
 
 
 def _lowest(res: Residual, rows: np.ndarray, terms: np.ndarray) -> tuple[float, float] | None:
-    """Return the shift that terms (m, p) explain best [s], and the residual there by that without a shift [-]."""
+    """Return the shift that terms (m, p) explain best [s], and the residual relative to that without a shift [-]."""
     reach, columns = _reach(res), orthonormal(terms)
     torque = res.torque[rows[:, None] + np.arange(-reach, reach + 1)]
     powers = np.sum((torque - columns @ (columns.T @ torque)) ** 2, axis=0)

@@ -43,27 +43,22 @@ def find(exam: Exam) -> Iterator[Finding]:
                 repairable=True,
             )
             continue
-        wide = _wide(exam, j)
+        wide, fast = _wide(exam, j), _fast(exam, j)
         if wide > SPAN:
-            yield Finding(
-                joint=joint,
-                channel="position",
-                severity="warn",
-                sentence=f"{joint} goes to and fro over {wide:.4g} {unit}: that looks like {large}.",
-                remedy=f"If it is in {large}, state that with --unit or --map. If the joint really moves that far, no action "
-                f"is needed.",
-                value=wide,
-            )
-        elif (fast := _fast(exam, j)) > SPEED[unit]:
-            yield Finding(
-                joint=joint,
-                channel="position",
-                severity="warn",
-                sentence=f"{joint} moves at {fast:.4g} {unit}/s and turns back: that looks like {large}.",
-                remedy=f"If it is in {large}, state that with --unit or --map. If the joint really moves that fast, no action "
-                f"is needed.",
-                value=fast,
-            )
+            value, does, so = wide, f"goes to and fro over {wide:.4g} {unit}", "far"
+        elif fast > SPEED[unit]:
+            value, does, so = fast, f"moves at {fast:.4g} {unit}/s and turns back", "fast"
+        else:
+            continue
+        yield Finding(
+            joint=joint,
+            channel="position",
+            severity="warn",
+            sentence=f"{joint} {does}: that looks like {large}.",
+            remedy=f"If it is in {large}, state that with --unit or --map. If the joint really moves that {so}, no action is "
+            f"needed.",
+            value=value,
+        )
 
 
 def unlike(exam: Exam, j: int) -> str | None:
