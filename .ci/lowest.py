@@ -11,8 +11,13 @@ wanted = [
     *project["dependencies"],
     *(line for extra, lines in extras.items() if extra != "test" for line in lines),
 ]
+lowest: dict[str, str] = {}
 for line in sorted({line for line in wanted if not line.startswith(project["name"])}):
-    match = re.fullmatch(r"([A-Za-z0-9_.-]+)>=([0-9.]+)", line)
+    match = re.fullmatch(r"([A-Za-z0-9_.-]+)(?:\[[a-z0-9,]+\])?>=([0-9.]+)", line)
     if match is None:
         sys.exit(f"pyproject.toml: {line!r} states no lowest version")
-    print(f"{match[1]}=={match[2]}")
+    name, version = match.groups()
+    numbers = tuple(map(int, version.split(".")))
+    if name not in lowest or numbers < tuple(map(int, lowest[name].split("."))):  # several extras, one name
+        lowest[name] = version
+print(*(f"{name}=={version}" for name, version in lowest.items()), sep="\n")
