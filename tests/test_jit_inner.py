@@ -10,7 +10,7 @@ import pytest
 pytestmark = pytest.mark.skipif(os.environ.get("NUMBA_DISABLE_JIT") == "1", reason="needs the compiler")
 
 KERNELS = """
-from backdrive._jit import jit, leaf
+from backdrive._jit import by_python, jit, leaf
 @leaf
 def half(x):
     return 0.5 * x
@@ -18,8 +18,12 @@ def half(x):
 def third(x):
     return x / 3.0
 @jit
+@by_python
+def fifth(x):
+    return x / 5.0
+@jit
 def both(x):
-    return half(x) + third(x)
+    return half(x) + third(x) + 0.0 * fifth(x)
 """
 SCRIPT = """
 import json, sys
@@ -31,10 +35,12 @@ class Note(event.Listener):
     def on_end(self, e):
         pass
 event.register("numba:compile", Note())
-from made import both, half, third
+from made import both, fifth, half, third
 from numba import float64
-said = [both(6.0), sorted(kernel.__name__ for kernel in (half, third, both) if (float64,) in kernel.inner)]
-said += [half(6.0), third(6.0), both(6.0), sorted(k.__name__ for k in (half, third, both) if (float64,) in k.inner)]
+def inner():
+    return sorted(kernel.__name__ for kernel in (fifth, half, third, both) if (float64,) in kernel.inner)
+said = [both(6.0), inner()]
+said += [half(6.0), third(6.0), both(6.0), fifth(5.0), inner()]
 print(json.dumps([said, compiled]))
 """
 
@@ -55,9 +61,16 @@ def run(folder):
 def test_python_may_call_what_was_compiled_for_kernels_and_both_are_cached(tmp_path):
     (tmp_path / "made.py").write_text(KERNELS)
     said, compiled = run(tmp_path)
-    assert said == [5.0, ["half", "third"], 3.0, 2.0, 5.0, []]
-    assert sorted(compiled) == ["both", "half", "half", "third", "third"]  # two once more, for Python
+    assert said == [5.0, ["half", "third"], 3.0, 2.0, 5.0, 1.0, []]
+    assert sorted(compiled) == [
+        "both",
+        "fifth",
+        "half",
+        "half",
+        "third",
+        "third",
+    ]  # two once more, for Python
     said, compiled = run(tmp_path)  # the cache holds both kinds
     assert said[0] == 5.0
-    assert said[2:5] == [3.0, 2.0, 5.0]
+    assert said[2:6] == [3.0, 2.0, 5.0, 1.0]
     assert compiled == []

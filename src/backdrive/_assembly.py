@@ -175,6 +175,7 @@ def _bound(source: FunctionType, changed: Mapping[str, Any]) -> FunctionType:
         source.__closure__,
     )
     made.__qualname__, made.__module__ = source.__qualname__, source.__module__
+    vars(made).update(vars(source))
     return made
 
 

@@ -157,6 +157,12 @@ def ladder(function: F) -> F:
     return _compile(function, inline="always")
 
 
+def by_python(function: F) -> F:
+    """Mark a function that Python calls too: a kernel that calls it first has its wrapper for Python made as well."""
+    vars(function)["by_python"] = True
+    return function
+
+
 def entry(kernel: F, *arguments: Any) -> F:
     """Return what a kernel runs for arguments of some types, without a look at the types at every call.
 

@@ -176,7 +176,9 @@ def _classes(stamp: str) -> type:
             self, sig, codegen
         ):  # numba's own differs from process to process where a cell holds a kernel
             code, cells = self._py_func.__code__, self._py_func.__closure__ or ()  # type: ignore[attr-defined]
-            closed = "\n".join([f"inner: {is_inner()}", *(_label(cell.cell_contents) for cell in cells)])
+            closed = "\n".join(
+                [f"inner: {is_inner(self._py_func)}", *(_label(cell.cell_contents) for cell in cells)]
+            )
             marks = hashlib.sha256(code.co_code).hexdigest(), hashlib.sha256(closed.encode()).hexdigest()
             return sig, codegen.magic_tuple(), marks
 

@@ -16,9 +16,9 @@ from numba.core.registry import CPUDispatcher
 _state = local()
 
 
-def is_inner() -> bool:
-    """Return whether this thread compiles for a kernel, not for Python."""
-    return getattr(_state, "depth", 0) > 0
+def is_inner(function: Any) -> bool:
+    """Return whether this thread compiles a function for a kernel alone: not for Python, and not marked as `by_python`."""
+    return getattr(_state, "depth", 0) > 0 and not hasattr(function, "by_python")
 
 
 class Inner(CPUDispatcher):
@@ -37,14 +37,14 @@ class Inner(CPUDispatcher):
     def compile(self, sig):
         """Compile for a signature, anew where only kernels could call what there is."""
         args = tuple(sigutils.normalize_signature(sig)[0])
-        if not is_inner() and args in self.inner:
+        if not is_inner(self.py_func) and args in self.inner:
             self.inner.discard(args)
             self.overloads.pop(args, None)
         return super().compile(sig)
 
     def add_overload(self, cres):
         """Add what was compiled; Python finds it only if it has a wrapper."""
-        if not is_inner():
+        if not is_inner(self.py_func):
             super().add_overload(cres)
             return
         args = tuple(cres.signature.args)
@@ -63,7 +63,7 @@ def without_wrappers(compiled: Any) -> None:
     def thin(flags):
         flags = usual(flags)
         flags.no_cfunc_wrapper = True
-        flags.no_cpython_wrapper = is_inner()
+        flags.no_cpython_wrapper = is_inner(compiled.py_func)
         return flags
 
     compiled.inner = set()

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from backdrive._assembly import assemble
-from backdrive._jit import choice, jit, ladder, leaf, specialise
+from backdrive._jit import by_python, choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, absent, growth
 from backdrive.laws.base import MOST, Element, kernels_of
@@ -67,6 +67,7 @@ def backward(rate: int, p: Array, place: int, v: float, load: Pair, temp: float)
 
 
 @ladder
+@by_python
 def limits(rate: int, p: Array, v: float, load: Pair, temp: float):
     """Rate law at velocity v under a load: (lo, hi, viscous)."""
     return limits_of(rate, False, p, v, load, temp)
