@@ -402,6 +402,27 @@ def test_friction_offsets_and_inertia_of_a_model_come_along(identified):
     assert loop.torque == pytest.approx(Arm().weight, abs=1e-9)
 
 
+def test_a_contact_stiffer_than_the_joints_own_compensates_less():
+    """The share times the stiffness of the compensator's contact never exceeds the joint's own stiffness."""
+
+    def of(**options):
+        loop = ArmLoop.from_model(arm_model(), six_axis(), interval=T, limits=arm_limits(), **options)
+        parts = [joint.loop.compensator for joint in loop.joints.values()]
+        return np.array([(c.share, c.friction.law.element.stiffness) for c in parts]).T
+
+    share, usual = of(share=0.8)  # the joints' own is unknown: 1 mrad
+    assert share == pytest.approx(0.8)
+    for bend, left in ((2e-3, 0.8), (1e-3, 0.8), (5e-4, 0.5), (2.5e-4, 0.25)):
+        share, K = of(share=0.8, bend=bend)
+        assert share == pytest.approx(left) and usual / K == pytest.approx(bend / 1e-3)
+    share, K = of(share=0.8, contact=1e-4)
+    assert share == pytest.approx(0.8) and K / usual == pytest.approx(5.0)  # half as stiff as the joints
+    share, K = of(share=0.8, contact=1e-3, bend=5e-4)
+    assert share == pytest.approx(0.5) and K / usual == pytest.approx(2.0)
+    with pytest.raises(InvalidInput, match="contact = 0"):
+        of(contact=0.0)
+
+
 def test_a_curve_that_vanishes_at_zero_speed_is_compensated_as_slow_sliding_is():
     """The fit of an arm leaves zero speed open; a curve that rises from nothing would be a viscosity with a negative sign."""
     speeds, levels = (0.0, 0.05, 2.4), (0.0, 2.0, 3.0)

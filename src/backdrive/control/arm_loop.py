@@ -143,8 +143,8 @@ class ArmLoop:
             rise: time in which gravity's torque is ramped up and down [s].
             brake: time for which a latched motor holds gravity [s].
             together: a motor that latches stops the others.
-            **options: of `control.arm_of_model.joints_of`: `limits`, `share`, `dither`, `bend`, `encoder_count`,
-                `method`, `bandwidth`, `frame`.
+            **options: of `control.arm_of_model.joints_of`: `limits`, `share`, `dither`, `bend`, `contact`,
+                `encoder_count`, `method`, `bandwidth`, `frame`.
 
         Raises:
             InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.

@@ -24,7 +24,7 @@ from backdrive.robot import Robot
 SOFTER = 0.5  # stiffness of the compensator's contact relative to the model's; the compensator must not be stiffer [-]
 
 
-def joints_of(
+def joints_of(  # noqa: PLR0913  (settings that `ArmLoop.from_model` hands over by name)
     model: FrictionModel,
     robot: str | Path | Robot,
     *,
@@ -32,6 +32,7 @@ def joints_of(
     share: float = SHARE,
     dither: Dither | None = None,
     bend: float | None = None,
+    contact: float | None = None,
     encoder_count: float | None = None,
     method: str = "momentum",
     bandwidth: float = 50.0,
@@ -45,8 +46,10 @@ def joints_of(
         limits: of joints by name, instead of the description's.
         share: R, compensated share of the friction; 0: no compensation [-].
         dither: at rest; None: none.
-        bend: deflection at which the contacts of compensator and estimator slide [rad or m]; None: twice that of the model,
-            or 1 mrad or 0.1 mm. If it is less than the real joint's deflection, the compensation becomes positive feedback.
+        bend: deflection at which the contacts of compensator and estimator slide [rad or m]; None: twice that of the joint's
+            own contact, or 1 mrad or 0.1 mm if that is unknown. A compensator whose contact is stiffer than the real one is
+            positive feedback. For a `bend` below the joint's own, or below 1 mrad or 0.1 mm, the share is lowered in proportion.
+        contact: deflection at which the joints' own contacts slide, if you know it [rad or m]; None: the model's.
         encoder_count: step of the encoders [rad or m]; None: the model's.
         method: of the estimate of the external torque.
         bandwidth: of the estimate [1/s].
@@ -56,6 +59,11 @@ def joints_of(
         InvalidInput: the model is not of an arm or not of this one, or a speed, a torque or a count is not known.
         UnknownName: there is no such frame.
     """
+    for name, value in (("bend", bend), ("contact", contact)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise InvalidInput(
+                f"{name} = {value:g}.", remedy="Give the deflection of a contact in rad or m, such as 1e-3."
+            )
     force = ArmForce.from_model(model, robot, method=method, bandwidth=bandwidth, frame=frame)
     known = force.bodies.robot
     offsets = np.array(force.offset)
@@ -72,11 +80,13 @@ def joints_of(
                     f"Joint '{name}': unknown largest {'speed' if what == 'velocity' else 'torque'}.",
                     remedy=f"Give `limits` with `JointLimits({what}=...)`, or write it into the description.",
                 )
-        K, inertia = _stiffness(friction, count, bend), force.inertia[k]
+        K, inertia = _stiffness(friction, count, bend, contact), force.inertia[k]
         estimator = alg_fe(friction.law, K)
         compensator = nothing()
         if share > 0.0:
-            compensator = alg_fc(friction.law, K, dither=dither, share=share)
+            compensator = alg_fc(
+                friction.law, K, dither=dither, share=min(share, _own(friction, contact)[0] / K)
+            )
         loop = JointLoop(
             compensator=compensator,
             limit=min(torque_limit(compensator, own.velocity), own.effort),
@@ -109,11 +119,23 @@ def _count(friction: JointFriction, count: float | None) -> float:
     return 1.0 / friction.joint.encoder_counts
 
 
-def _stiffness(friction: JointFriction, count: float, bend: float | None) -> float:
-    """Return the stiffness of the compensator's contact: half of the model's, or friction divided by a deflection that few
+def _stiffness(friction: JointFriction, count: float, bend: float | None, contact: float | None) -> float:
+    """Return the stiffness of the compensator's contact: half of the joint's own, or friction divided by a deflection that few
     joints exceed.
     """
-    own = getattr(friction.law.element, "stiffness", None)
     F = max(at_rest(friction.law), 1e-9)
-    K = SOFTER * own if isinstance(own, float) else F / BEND[friction.joint.unit]
+    own, known = _own(friction, contact)
+    K = SOFTER * own if known else own
     return min(K if bend is None else F / bend, F / count)
+
+
+def _own(friction: JointFriction, contact: float | None) -> tuple[float, bool]:
+    """Return the least stiffness that the joint's own contact may have, and whether it is known.
+
+    The share times the stiffness of the compensator's contact must not exceed it.
+    """
+    F = max(at_rest(friction.law), 1e-9)
+    if contact is not None:
+        return F / contact, True
+    own = getattr(friction.law.element, "stiffness", None)
+    return (own, True) if isinstance(own, float) else (F / BEND[friction.joint.unit], False)

@@ -20,6 +20,7 @@ from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 
 SHARE = 0.1  # largest RMS encoder error, relative to the RMS acceleration; it biases the inertia by 1 % [-]
+FINE = 0.02  # the same for a fit sample by sample, whose standard errors are that much smaller [-]
 SUSPECT = 0.3  # RMS error and lost motion, relative to the acceleration, above which there is a warning [-]
 CLEAR = 0.1  # largest share of the error in the mean square for a reliable estimate of the motion [-]
 LOWEST = 3.0  # lowest cutoff frequency [Hz]
@@ -43,22 +44,25 @@ class Smoothing:
     warning: str = ""
 
 
-def smoothing(logs: Sequence[Log], joint: str, cutoff: float | None = None) -> Smoothing:
+def smoothing(
+    logs: Sequence[Log], joint: str, cutoff: float | None = None, share: float = SHARE
+) -> Smoothing:
     """Return the low pass for a fit of one joint.
 
     Args:
         logs: logs of the joint.
         joint: name.
         cutoff: given by the user [Hz]; None: from sampling rate and encoder.
+        share: largest RMS encoder error, relative to the RMS acceleration, if the motion allows it [-].
     """
     if cutoff is not None:
         return Smoothing(cutoff=cutoff)
-    each = [_of_log(log.select(joint)) for log in logs]
+    each = [_of_log(log.select(joint), share) for log in logs]
     lowered = [one for one in each if one.cutoff is not None]
     return min(lowered, key=lambda one: one.cutoff or np.inf, default=Smoothing())
 
 
-def _of_log(log: Log) -> Smoothing:
+def _of_log(log: Log, share: float) -> Smoothing:
     position = _longest(log)
     period = log.period
     if position is None or not period > 0 or not (step := encoder_step(log)) > 0.0:
@@ -70,13 +74,16 @@ def _of_log(log: Log) -> Smoothing:
     error = np.array([noise(step, f, rate) for f in cutoffs])
     power = _accelerations(position, cutoffs, rate)
     signal = np.maximum(power - error, 0.0)
-    if error[0] <= SHARE**2 * signal[0]:
+    if error[0] <= share**2 * signal[0]:
         return Smoothing()
     whole = float(np.max(signal[error <= CLEAR * power], initial=0.0))
     wrong = error + np.maximum(whole - signal, 0.0)
-    enough = np.flatnonzero((error <= SHARE**2 * signal) & (wrong <= 4.0 * SHARE**2 * max(whole, 1e-300)))
-    k = int(enough[0]) if enough.size else int(np.argmin(wrong))
-    share = float(np.sqrt(wrong[k] / whole)) if whole > 0.0 else np.inf
+    enough = (
+        np.flatnonzero((error <= s**2 * signal) & (wrong <= 4.0 * s**2 * max(whole, 1e-300)))
+        for s in (share, SHARE)
+    )
+    k = next((int(which[0]) for which in enough if which.size), int(np.argmin(wrong)))
+    left = float(np.sqrt(wrong[k] / whole)) if whole > 0.0 else np.inf
     unit = log.joints[0].unit
     usual = f"{cutoffs[0]:.3g} Hz"
     note = (
@@ -84,7 +91,7 @@ def _of_log(log: Log) -> Smoothing:
         f"would make up {_percent(error[0], signal[0])} of the acceleration."
     )
     warning = ""
-    if share > SUSPECT:
+    if left > SUSPECT:
         warning = (
             f"The encoder is too coarse for this motion: its steps of {step:.2g} {unit} and what a low pass of {cutoffs[k]:.3g} Hz "
             f"takes away are {_percent(wrong[k], whole)} of the acceleration. A higher --cutoff makes the inertia too small, "

@@ -6,6 +6,7 @@ positions interpolated at the instants of the torque.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -90,7 +91,8 @@ def stretch(
     dt = 1.0 / signals.rate
     dp = increments(signals.position, signals.velocity, dt)
     judged = np.isfinite(signals.torque)
-    judged[: min(5, len(judged))] = False
+    edge = min(max(5, math.ceil(signals.rate / bandwidth)), len(judged) // 10)
+    judged[:edge] = judged[len(judged) - edge :] = False  # the low pass and a shift lack the motion beyond
     return Stretch(
         dp=np.ascontiguousarray(dp),
         position=signals.position,

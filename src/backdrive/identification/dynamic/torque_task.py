@@ -31,7 +31,7 @@ from backdrive.identification.motion_bins import moves_of, period_of
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
-from backdrive.identification.smoothing import smoothing
+from backdrive.identification.smoothing import FINE, smoothing
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
 from backdrive.laws import CoulombViscous, Rigid
 from backdrive.logs.log import Log
@@ -65,7 +65,7 @@ class TorqueTask(Task):
             lookup(term, dict.fromkeys((*RIGID, "delay"), 0), "number that a fit of torque takes as known")
         self.options, self.logs = options, logs
         info = self.info = logs[0].joints[logs[0].column(name)]
-        smooth = smoothing([*logs, *held_out], name, options.cutoff)
+        smooth = smoothing([*logs, *held_out], name, options.cutoff, FINE)
         self.cutoff = smooth.cutoff
         self.remarks = (smooth.warning,) if smooth.warning else ()
         self.notes = (f"{name}: {smooth.note}",) if smooth.note else ()
