@@ -23,6 +23,7 @@ SHARE = 0.1  # largest RMS encoder error, relative to the RMS acceleration; it b
 FINE = 0.02  # the same for a fit sample by sample, whose standard errors are that much smaller [-]
 SUSPECT = 0.3  # RMS error and lost motion, relative to the acceleration, above which there is a warning [-]
 CLEAR = 0.1  # largest share of the error in the mean square for a reliable estimate of the motion [-]
+UNSURE = 0.1  # relative uncertainty of the encoder's error, where little of it is allowed [-]
 LOWEST = 3.0  # lowest cutoff frequency [Hz]
 FACTOR = 0.8  # ratio of successive cutoff frequencies [-]
 LONGEST = 100_000  # largest number of evaluated samples
@@ -76,13 +77,14 @@ def _of_log(log: Log, share: float) -> Smoothing:
     signal = np.maximum(power - error, 0.0)
     if error[0] <= share**2 * signal[0]:
         return Smoothing()
-    whole = float(np.max(signal[error <= CLEAR * power], initial=0.0))
-    wrong = error + np.maximum(whole - signal, 0.0)
-    enough = (
-        np.flatnonzero((error <= s**2 * signal) & (wrong <= 4.0 * s**2 * max(whole, 1e-300)))
-        for s in (share, SHARE)
-    )
-    k = next((int(which[0]) for which in enough if which.size), int(np.argmin(wrong)))
+    clear = error <= CLEAR * power
+    for limit, doubt in (((share, UNSURE),) if share < SHARE else ()) + ((SHARE, 0.0),):
+        whole = float(np.max((signal - doubt * error)[clear], initial=0.0))
+        wrong = error + np.maximum(whole - signal, 0.0)
+        enough = np.flatnonzero((error <= limit**2 * signal) & (wrong <= 4.0 * limit**2 * max(whole, 1e-300)))
+        if enough.size:
+            break
+    k = int(enough[0]) if enough.size else int(np.argmin(wrong))
     left = float(np.sqrt(wrong[k] / whole)) if whole > 0.0 else np.inf
     unit = log.joints[0].unit
     usual = f"{cutoffs[0]:.3g} Hz"

@@ -35,6 +35,7 @@ from backdrive.identification.smoothing import FINE, smoothing
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
 from backdrive.laws import CoulombViscous, Rigid
 from backdrive.logs.log import Log
+from backdrive.logs.resolution import encoder_step
 from backdrive.model import JointFriction
 
 VARIES = 0.1  # least span of a varying load or temperature, relative to its largest magnitude [-]
@@ -88,8 +89,10 @@ class TorqueTask(Task):
         terms = [term for term in asked if term not in options.known]
         self.load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
         self.warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
-        sizes = starts.scales(stretches, terms, info.unit, info.encoder_counts, known)
-        presliding = sizes.length * (info.encoder_counts or np.inf) >= 5.0
+        step = max(encoder_step(log.select(name)) for log in logs)
+        counts = 1.0 / step if step > 0.0 else None
+        sizes = starts.scales(stretches, terms, info.unit, counts, known)
+        presliding = sizes.length * (counts or np.inf) >= 5.0
         presliding = presliding and _slow_reversals(stretches, sizes.length)
         if self.unseen:
             self.shown, self.judges, self.whole = stretches, [s for _, s in self.unseen], None
@@ -101,7 +104,7 @@ class TorqueTask(Task):
             self.judges = self.whole = stretches
         self.asked: dict[str, Any] = {
             "unit": info.unit,
-            "counts": info.encoder_counts,
+            "counts": counts,
             "terms": terms,
             "delay": delay,
             "bounds": options.bounds,
