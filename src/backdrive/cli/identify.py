@@ -105,8 +105,8 @@ def command(
         str | None,
         typer.Option(
             "--known",
-            help="Parameters with known values, which are not fitted: inertia=0.5,offset=0. For --law only: a curve "
-            "(--method motion) always seeks the delay of the torque itself.",
+            help="Parameters with known values, which are not fitted: inertia=0.5,offset=0 (for --law only), or the delay of the "
+            "torque behind the motion in seconds: delay=0.004 (for any method but constant-velocity and ramp).",
         ),
     ] = None,
     interval: Annotated[

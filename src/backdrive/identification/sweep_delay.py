@@ -103,10 +103,13 @@ def drive_delays(
     stretches: Sequence[Sequence[Signals]],
     timing: Timing | None,
     literal: bool,
+    known_late: float | None = None,
 ) -> tuple[list[float], list[float], list[str]]:
     """Return for each log the time from the middle of a command's interval to the torque's effect [s] and its standard error
     [s], and remarks.
     """
+    if known_late is not None:
+        return [-0.5 / s[0].rate - known_late for s in stretches], [0.0] * len(stretches), []
     told: list[str | None] = [timing or "command"] * len(stretches)
     if timing is None and not literal:
         told = [torque_timing(s)[0] for s in stretches]
@@ -137,12 +140,12 @@ def drive_delays(
         )
     for i in open_:
         delays[i], errors[i] = delay, error
-    known = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
-    how = f"was logged {known} after it acted"
+    amount = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
+    how = f"was logged {amount} after it acted"
     if late <= period:
         way = "later" if delay >= 0.0 else "earlier"
         how = (
-            f"acts {known} {way} than a command that is held for one interval (the logged torque precedes the motion by half "
+            f"acts {amount} {way} than a command that is held for one interval (the logged torque precedes the motion by half "
             "an interval more)"
         )
     return delays, errors, [f"The torque {how}; this delay was estimated from the motion and corrected."]
