@@ -121,7 +121,11 @@ def command(
     upper: Annotated[float | None, _option(LIMITS, "Highest position allowed [rad or m].")] = None,
     margin: Annotated[
         float | None,
-        _option(LIMITS, "Distance that the motion keeps from either end of the range [rad or m]."),
+        _option(
+            LIMITS,
+            "Distance that the motion keeps from either end of the range [rad or m].  [default: none is reached; sweeps "
+            "by --centres keep 2 % of the stroke]",
+        ),
     ] = None,
     velocity_limit: Annotated[float | None, _option(LIMITS, "Greatest speed allowed [rad/s or m/s].")] = None,
     acceleration_limit: Annotated[

@@ -315,13 +315,11 @@ def _one(
     method: str, logs: Sequence[Log], name: str, held_out: Sequence[Log], options: Options
 ) -> tuple[JointFriction, JointEvidence]:
     module, function, heeded = ONE_JOINT["payload" if options.payloads is not None else method]
-    given: dict[str, Any] = {
-        n: options.delay_known(method) if n == "delay" else getattr(options, n) for n in heeded
-    }
+    late = options.delay_known(method)
+    given: dict[str, Any] = {n: late if n == "delay" else getattr(options, n) for n in heeded}
     if isinstance(given.get("law"), (list, tuple)):
         given["law"] = ",".join(given["law"])
-    if method == "motion":
-        given["held_out"] = held_out
+    given |= {"held_out": held_out} if method == "motion" else {}
     return getattr(import_module(f"backdrive.identification.{module}"), function)(logs, name, **given)
 
 
