@@ -393,7 +393,9 @@ def test_a_motion_does_not_touch_the_limits(run, tmp_path):
     code, out, _ = run(*smaller, "-o", "p")
     assert code == 0 and "leaves a margin" not in out
     assert "margin to the limits  0.00672 rad (0.385 deg) below, 0.00672 rad (0.385 deg) above" in out
-    assert run(*SWEEP, "--lower", "-0.1745329252", "--upper", "0.1745329252", "--margin", "0", "-o", "q")[0] == 0
+    assert (
+        run(*SWEEP, "--lower", "-0.1745329252", "--upper", "0.1745329252", "--margin", "0", "-o", "q")[0] == 0
+    )
 
 
 def test_a_motion_near_a_limit_names_it_with_the_margin(run):

@@ -140,7 +140,7 @@ def certainty(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="unknown" if share > 1.0 else "care",
-        sentence=f"The curve is known to ± {100.0 * share:.0f} % only: record more reversals, at more speeds.",
+        sentence=f"The curve is known to ± {2.0 * float(np.median(error)):.2g} {case.unit} ({100.0 * share:.0f} %) only: record more reversals, at more speeds.",
     )
 
 
