@@ -12,6 +12,7 @@ import typer
 from backdrive.cli import _interrupt, _logs
 from backdrive.cli._output import echo
 from backdrive.cli._progress import progress
+from backdrive.cli._targets import check_targets
 
 if TYPE_CHECKING:
     from backdrive.identification import Identification
@@ -140,8 +141,11 @@ def command(
     from backdrive.cli import _identify_tables as tables
     from backdrive.identification import identify
 
-    _logs.check_targets(
-        [output], [*logs, *(hold_out or []), *(plan or []), *reading.inputs, urdf], drawn=[report]
+    check_targets(
+        [output],
+        [*logs, *(hold_out or []), *(plan or []), *reading.inputs, urdf],
+        drawn=[report],
+        pages=[report],
     )
     if not gate > 0:
         raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")

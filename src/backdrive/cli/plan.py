@@ -13,6 +13,7 @@ from backdrive._files import make_folder, write_together
 from backdrive._visible import visible
 from backdrive.cli import _logs
 from backdrive.cli._output import echo, print_json, wrap
+from backdrive.cli._targets import check_folder
 from backdrive.errors import InvalidInput, MissingExtra
 
 _OUTPUT = ("output", "rate", "ros_rate", "draw", "as_json")  # options that do not affect the motion
@@ -226,7 +227,7 @@ def command(
     from backdrive.plans import plan_to_dict
 
     request = Request(**options)
-    _logs.check_folder(output, ("plan.json",) if centres else _names(draw))
+    check_folder(output, ("plan.json",) if centres else _names(draw))
     if centres is None:
         plan, limits = build(request)
         plans, singles, folders, notes = [plan], single_plans(plan), [output], []
@@ -238,7 +239,7 @@ def command(
         sweeps, plans, limits = several.build_centres(request)
         singles, folders = tuple(sweeps.plans), several.folders_of(sweeps, output)
         for folder in folders:
-            _logs.check_folder(folder, _names(draw))
+            check_folder(folder, _names(draw))
         notes = several.notes_of_centres(sweeps, request)
         document = {"plans": [plan_to_dict(one) for one in plans], **several.figures_of_centres(sweeps)}
         document["folders"] = [str(p) for p in folders]
@@ -281,7 +282,7 @@ def _plan_arm(
     from backdrive.cli._progress import progress
     from backdrive.plans import plan_to_dict
 
-    _logs.check_folder(output, _names(draw))
+    check_folder(output, _names(draw))
     with progress(quiet=as_json) as say:
         outcome = plan_arm(Request(**options), say)
         say("Drawing the plan")

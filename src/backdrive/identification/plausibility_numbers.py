@@ -135,12 +135,14 @@ def certainty(case: Case) -> Remark | None:
     error, torque = curve.standard_error, np.abs(curve.torque)
     if not error.size or not np.isfinite(error).all() or not torque.mean() > 0.0:
         return None
-    share = 2.0 * float(np.median(error)) / float(torque.mean())
+    reach = 2.0 * float(np.median(error))
+    share = reach / float(torque.mean())
     if share < 0.5:
         return None
     return Remark(
         severity="unknown" if share > 1.0 else "care",
-        sentence=f"The curve is known to ± {2.0 * float(np.median(error)):.2g} {case.unit} ({100.0 * share:.0f} %) only: record more reversals, at more speeds.",
+        sentence=f"The curve is known to ± {reach:.2g} {case.unit} ({100.0 * share:.0f} %) only: record more reversals, at more "
+        "speeds.",
     )
 
 

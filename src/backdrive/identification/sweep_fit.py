@@ -148,8 +148,8 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
     weight = _same_weight(eqs, theta) if told and known and load is None else 0.0
     if weight > 0.0:
         notes.append(
-            f"The gravity torque has the same size at all centers, {weight:.3g} N.m, so friction that grows with it would be part of "
-            "the curve; a third center between them would show it."
+            f"The gravity torque has the same size at all centers, {weight:.3g} N.m, so friction that grows with it would be "
+            "part of the curve; a third center between them would show it."
         )
     if symmetric:
         kept = _with_constant(eqs, "equal", terms)
