@@ -30,7 +30,7 @@ def run(tmp_path, monkeypatch, capsys):
         with pytest.raises(SystemExit) as caught:
             main()
         captured = capsys.readouterr()
-        return int(caught.value.code or 0), captured.out, captured.err
+        return int(caught.value.code or 0), captured.out, " ".join(captured.err.split())
 
     return call
 

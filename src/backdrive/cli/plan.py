@@ -12,7 +12,8 @@ import typer
 from backdrive._files import make_folder, write_together
 from backdrive._visible import visible
 from backdrive.cli import _logs
-from backdrive.cli._output import echo, print_json, wrap
+from backdrive.cli._lines import wrap
+from backdrive.cli._output import echo, print_json
 from backdrive.cli._targets import check_folder
 from backdrive.errors import InvalidInput, MissingExtra
 
