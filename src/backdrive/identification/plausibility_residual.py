@@ -136,7 +136,7 @@ def structure(case: Case) -> Remark | None:
                 f"The torque changed midway, by {share}: its gain, or its sign.",
             ),
         ]
-    of_torque, of_friction = res.waves(np.ones_like(way), way)
+    of_torque, of_friction = res.over_position
     tests += [
         (res.explain(way * load), follows_load),
         (res.explain(way * _static_load(case, res)), follows_load),
