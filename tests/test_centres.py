@@ -238,7 +238,8 @@ def test_growth_with_the_load_shows_by_posture():
     assert carried == pytest.approx(20.0, abs=0.3)
     v = np.array(found.law.velocity)
     assert np.array(found.law.positive) == pytest.approx(joint.law.torque(v) + 0.05 * carried, abs=0.1)
-    assert any(f"Friction grows by {value:.4f} +-" in note for note in found.notes)
+    (note,) = (note for note in found.notes if f"Friction grows by {value:.4f} +-" in note)
+    assert f"of which {value * carried:.2g} +- " in note and " N.m are this growth" in note
     # what the load adds inside the windows is not taken for noise: the scatter over seeds is 0.030 N.m
     assert max(found.error_pos) == pytest.approx(0.030, rel=0.15)
     assert fit_sweeps(made(uneven(), (-60, 0, 60)), "joint_1").load is None

@@ -111,6 +111,21 @@ def test_plans_are_named_one_a_log_by_file_or_folder(tmp_path):
     assert [round(p["center"], 3) for p in kept] == [-1.047, 1.047]
 
 
+@pytest.mark.parametrize("name", ["r.pdf", "r.PNG", "r.json"])
+def test_a_report_that_is_no_page_is_refused_before_the_work(tmp_path, name):
+    # neither the log nor the model exists: what is read first would be missed first
+    for words in (
+        ("identify", tmp_path / "no.csv", "--report", tmp_path / name),
+        ("estimate", tmp_path / "no.json", tmp_path / "no.csv", "--report", tmp_path / name),
+        ("fleet", "page", "-o", tmp_path / "no", "--page", tmp_path / name),
+    ):
+        done = called(*words)
+        assert done.returncode == 2
+        assert "a report is an HTML page. Let its name end in .html" in " ".join(done.stderr.split())
+    assert ("from a browser" in done.stderr) is name.endswith("pdf")
+    assert not list(tmp_path.iterdir())
+
+
 def test_demo_compares_with_the_truth(tmp_path):
     done = started("demo", "--json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr

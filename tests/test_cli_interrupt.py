@@ -105,7 +105,7 @@ def test_a_fit_that_is_interrupted_too_late_to_be_cut_short_says_130_all_the_sam
     done = run(
         "import types\nfrom backdrive import identification\n"
         "from backdrive.cli import _identify_tables, _logs, identify, main\n"
-        "_logs.check_targets = _logs.Reading.read = lambda *a, **k: []\n"
+        "identify.check_targets = _logs.Reading.read = lambda *a, **k: []\n"
         "identification.identify = lambda *a, **k: types.SimpleNamespace(stopped=True, model=None)\n"
         "_identify_tables.show_tables = lambda *a: print('tables')\n"
         "identify.failing = lambda *a: ['joint']\n"

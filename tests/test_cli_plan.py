@@ -30,7 +30,7 @@ def run(tmp_path, monkeypatch, capsys):
         with pytest.raises(SystemExit) as caught:
             main()
         captured = capsys.readouterr()
-        return int(caught.value.code or 0), captured.out, captured.err
+        return int(caught.value.code or 0), captured.out, " ".join(captured.err.split())
 
     return call
 
@@ -294,7 +294,8 @@ def test_one_plan_a_center_is_written(several, tmp_path):
     code, out, _ = several(f"{WORDS} --centers AUTO --json -o q")
     found = json.loads(out)
     assert code == 0
-    assert found["centers"] == pytest.approx([-1.4 + math.radians(10), 0.0, 1.4 - math.radians(10)], abs=1e-6)
+    outer = 1.4 - math.radians(10.0 + 0.02 * 20.0)  # a margin of 2 % of the stroke
+    assert found["centers"] == pytest.approx([-outer, 0.0, outer], abs=1e-6)
     assert found["noise_gain"] < 1.3
     assert len(found["written"]) == 12
     assert len(found["folders"]) == 3
@@ -304,14 +305,14 @@ def test_one_plan_a_center_is_written(several, tmp_path):
 def test_several_sweeps_about_a_center_have_a_folder_each(several):
     _, out, _ = several(f"{NARROW} --centres auto --json")
     names = [folder.split("_at_")[1] for folder in json.loads(out)["folders"]]
-    assert names[:5] == ["-30.11deg", "-30.11deg_2", "0deg", "0deg_2", "0deg_3"]
+    assert names[:5] == ["-29.71deg", "-29.71deg_2", "0deg", "0deg_2", "0deg_3"]
     assert len(set(names)) == 9
 
 
 def test_what_was_not_reached_or_not_checked_is_said(several):
     code, out, _ = several(f"{NARROW} --centres auto --inertia 1.6 --velocity-limit 3")
     assert code == 0
-    assert "9 sweeps reach 4.66" in out
+    assert "9 sweeps reach 4.79" in out
     assert out.count("bias by inertia, 1 ms slip") == out.count("stroke for less than 0.1 N.m") == 1
     sweep = "sweep --stroke-deg 20 --top-speed 2 --cycles 4"
     for limit, side in (("--lower -1", "upper"), ("--upper 1.3", "lower")):
@@ -369,6 +370,52 @@ def test_the_center_may_be_in_degrees(run, tmp_path):
     code, _, said = run(*SWEEP, "--center-deg", "35", "--center", "1")
     assert code == 2
     assert "--center and --center-deg are both given" in said
+
+
+def test_a_motion_does_not_touch_the_limits(run, tmp_path):
+    code, _, err = run(*SWEEP, "--lower", "-0.1745329252", "--upper", "0.1745329252", "-o", "p")
+    assert code == 2 and not (tmp_path / "p").exists()
+    err = " ".join(err.split())
+    assert (
+        "reaches the lower limit of -0.1745 rad (-10 deg) and the upper limit of 0.1745 rad (10 deg)" in err
+    )
+    assert "at most 0.3356 rad (19.23 deg)" in err and "--margin 0" in err
+    smaller = (
+        "sweep",
+        "--stroke-deg",
+        "19.23",
+        *SWEEP[3:],
+        "--lower",
+        "-0.17453292",
+        "--upper",
+        "0.17453293",
+    )
+    code, out, _ = run(*smaller, "-o", "p")
+    assert code == 0 and "leaves a margin" not in out
+    assert "margin to the limits  0.00672 rad (0.385 deg) below, 0.00672 rad (0.385 deg) above" in out
+    assert (
+        run(*SWEEP, "--lower", "-0.1745329252", "--upper", "0.1745329252", "--margin", "0", "-o", "q")[0] == 0
+    )
+
+
+def test_a_motion_near_a_limit_names_it_with_the_margin(run):
+    code, out, _ = run(*SWEEP, "--lower", "-1", "--upper", "0.1762", "-o", "p")
+    out = " ".join(out.split())
+    assert code == 0
+    assert "leaves a margin of 0.001667 rad (0.09552 deg) only to the upper limit of 0.1762 rad" in out
+    assert "lower limit" not in out
+    code, out, _ = run(*SWEEP, "--lower", "-1", "--upper", "0.18", "--margin", "0.002", "--json", "-o", "p")
+    figures = json.loads(out)["joints"][0]
+    assert code == 0 and figures["margins"] == pytest.approx([0.82547, 0.005467], rel=1e-3)
+    code, out, _ = run(*SWEEP, "--json", "-o", "p")
+    assert json.loads(out)["joints"][0]["margins"] == [None, None]
+
+
+def test_centers_that_are_chosen_keep_a_margin(several, tmp_path):
+    assert several(WORDS + " --centres auto -o q")[0] == 0
+    ends = [load_plan(p).position_range for p in (tmp_path / "q").glob("*/plan.json")]
+    left = 1.4 - max(max(map(abs, pair)) for pair in ends)
+    assert left == pytest.approx(0.02 * math.radians(20.0), rel=1e-3)
 
 
 def test_a_sweep_has_a_slow_part_and_keeps_a_margin(run, tmp_path):

@@ -406,7 +406,7 @@ def command(monkeypatch, capsys, tmp_path):
         with pytest.raises(SystemExit) as stopped:
             main()
         said = capsys.readouterr()
-        return stopped.value.code or 0, said.out, said.err
+        return stopped.value.code or 0, said.out, " ".join(said.err.split())
 
     return run
 
@@ -431,7 +431,7 @@ WRITERS = {
 def test_commands_refuse_a_strange_output_before_they_compute(command, tmp_path, monkeypatch, writer, what):
     monkeypatch.setattr("backdrive.cli._logs.Reading.read", lambda *_, **__: pytest.fail("began"))
     monkeypatch.setattr("backdrive.model.load_model", lambda *_: pytest.fail("began"))
-    out = STRANGE[what](tmp_path / "out.png")
+    out = STRANGE[what](tmp_path / ("out.html" if "--report" in writer else "out.png"))
     before = state(out)
     code, _, err = command(*WRITERS[writer](tmp_path / "log.csv", out))
     assert code == 2
@@ -462,7 +462,8 @@ def test_a_missing_extra_is_found_before_anything_is_computed(command, tmp_path,
     monkeypatch.setattr("backdrive.cli._logs.Reading.read", lambda *_, **__: pytest.fail("began"))
     monkeypatch.setattr("backdrive.model.load_model", lambda *_: pytest.fail("began"))
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
-    code, _, err = command(*WRITERS[writer](tmp_path / "log.csv", tmp_path / "out.svg"))
+    out = tmp_path / ("out.html" if "--report" in writer else "out.svg")
+    code, _, err = command(*WRITERS[writer](tmp_path / "log.csv", out))
     assert code == 2
     assert "matplotlib" in err
     assert names(tmp_path) == ["log.csv"]

@@ -77,6 +77,45 @@ def test_a_plan_names_its_axes_and_its_shaded_windows(plan, shaded):
     )
 
 
+@pytest.mark.parametrize(
+    "plan",
+    [
+        Sweep(0.35, 2.0, cycles=10),
+        Sweep(0.35, 2.0, cycles=30, slow=2),
+        Sweep(0.35, 2.0, cycles=10, smooth=False),
+        Multisine(0.3, 0.1, 5.0, 10.0),
+        InTurn(tuple(Sweep(0.35, 2.0, cycles=10, joint=f"j{i}") for i in range(6))),
+        arm(),
+    ],
+    ids=["sweep", "slow sweep", "printed sweep", "multisine", "six joints", "arm"],
+)
+def test_a_plan_in_a_notebook_is_small_and_keeps_its_peaks(plan):
+    from backdrive.report.pictures.plan import plan_figure
+
+    assert len(plan._repr_html_().encode()) < 120_000
+    if isinstance(plan, InTurn | type(arm())):
+        return
+    t = np.linspace(plan.start, plan.start + plan.duration, 6000)
+    for axes, panel in zip(plan_figure(plan).axes, ("position", "velocity", "acceleration"), strict=True):
+        y, line = getattr(plan, panel)(t), axes.get_lines()[0]
+        assert line.get_ydata().max() >= y.max() and line.get_ydata().min() <= y.min()
+        # between its points the line departs by less than about a point of 568
+        aside = plan.duration / 568 * np.linspace(-1.0, 1.0, 81)
+        off = np.min([np.abs(np.interp(t + x, *line.get_data()) - y) for x in aside], axis=0)
+        assert off.max() < 0.015 * np.ptp(y)
+
+
+def test_the_samples_taken_begin_and_end_where_they_do():
+    from backdrive.report.pictures.plan import _samples, plan_figure
+
+    plan = Sweep(0.35, 2.0, cycles=6)
+    line = next(x for x in plan_figure(plan).axes[1].get_lines() if x.get_label() == "samples taken")
+    t = np.linspace(plan.start, plan.start + plan.duration, 60_000)
+    taken = _samples(plan, t, plan.velocity(t))
+    drawn = np.interp(t, line.get_xdata(), np.isfinite(line.get_ydata())) > 0.5
+    assert np.mean(taken != drawn) < 0.002
+
+
 def test_the_safe_region_names_its_symbols_in_words():
     from backdrive.report.pictures.tuning import safe_region
 

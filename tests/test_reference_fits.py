@@ -13,7 +13,6 @@ from backdrive.identification import (
     delay,
     design,
     dynamics,
-    motion,
     motion_bins,
     ramp,
     regression,
@@ -379,12 +378,12 @@ def test_what_is_chosen_is_the_simplest_that_predicts_as_well():
 def test_the_slowest_speed_that_was_kept_for_a_while():
     knots = np.array([0.0, 0.1, 0.3, 1.0])
     for kept, slowest in ((1.05, 0.1), (0.95, 0.3)):
-        n = round(motion.LONG_ENOUGH * kept * RATE)
+        n = round(motion_bins.LONG_ENOUGH * kept * RATE)
         v = np.r_[np.full(n, 0.12), np.full(400, 0.31), np.full(400, 1.0)]
         s = signals(time=np.arange(v.size) / RATE, velocity=v, moving=np.ones(v.size, bool))
-        assert motion.slowest_sliding([s], knots) == slowest
+        assert motion_bins.slowest_sliding([s], knots) == slowest
     quick = signals(velocity=np.full(1200, 0.12), sliding=np.zeros(1200, bool))
-    assert motion.slowest_sliding([quick], knots) == 1.0
+    assert motion_bins.slowest_sliding([quick], knots) == 1.0
 
 
 # ---------------------------------------------------------------------------------- constant velocity

@@ -7,7 +7,7 @@ import pytest
 
 from backdrive import identify
 from backdrive.errors import NotIdentifiable
-from backdrive.identification import curves, delay, design, dynamics, motion, noise, regression
+from backdrive.identification import curves, delay, design, dynamics, motion_bins, noise, regression
 from backdrive.identification.evidence import verdict
 from backdrive.identification.motion import as_friction, identify_motion, with_warnings
 from backdrive.identification.motion_bins import bin_means
@@ -68,7 +68,7 @@ def fitted_line(logs):
     top = np.percentile(speeds, 99.9)
     knots = top * np.array(curves.SHARES)
     given = {"dynamic": True, "gravity": False, "model_torque": False, "both_directions": True}
-    shapes = curves.from_speed(knots, motion.slowest_sliding(stretches, knots))
+    shapes = curves.from_speed(knots, motion_bins.slowest_sliding(stretches, knots))
     full = design.candidates(knots, {"": knots[list(shapes["5 sections"])]}, **given)[-1].with_term("jerk")
     seconds = 0.05  # a period of the low pass at 20 Hz
     (option,) = design.candidates(knots, {"line": knots[[0, -1]]}, symmetric=True, **given)
@@ -238,7 +238,7 @@ def test_a_curve_has_no_knot_below_the_slowest_sliding():
     found, _ = identify_motion([log], "a", gravity=False, symmetric=True, law="polyline")
     (s,) = prepare(log, "a")
     knots = np.percentile(np.abs(s.velocity), 99.9) * np.array(curves.SHARES)
-    slowest = motion.slowest_sliding([s], knots)
+    slowest = motion_bins.slowest_sliding([s], knots)
     assert slowest > knots[3]
     assert found.validity.lowest_speed == slowest and min(found.law.rate.velocity) == slowest
 

@@ -253,7 +253,9 @@ def test_centers_that_carry_one_weight_are_named(less, weight, said):
     other = np.pi - np.arccos((1.0 - less) * np.cos(q))  # where gravity is smaller by that share
     knots = about((-q, q, other), (0.0, weight), error=1e-4)
     got = rotary(knots)
-    assert any(SAME in note for note in got.notes) is said
+    sizes = [note.split(f"{SAME}, ")[1].split(" N.m")[0] for note in got.notes if SAME in note]
+    assert bool(sizes) is said
+    assert all(float(size) == pytest.approx(weight * np.cos(q), rel=0.05) for size in sizes)
     assert got.load is None and not any(SAME in w for w in got.warnings)
 
 

@@ -48,6 +48,17 @@ def test_a_motion_without_inertia_does_not_tell(commanded):
     assert torque_timing(prepare(commanded.replace(torque=5.0 * np.sign(v) + 2.0 * v + noise), 0))[0] is None
 
 
+def test_a_doubt_about_the_timing_names_its_effect_in_torque(commanded):
+    noise = 10.0 * np.random.default_rng(0).standard_normal(len(commanded.time))
+    log = commanded.replace(torque=commanded.torque + noise[:, None])
+    friction, _ = identify_sweep([log], log.names[0])
+    (doubt,) = (w for w in friction.warnings if "taken as commanded" in w)
+    amount = float(doubt.split("off by up to ")[1].split(" N.m, at ")[0])
+    curves = [identify_sweep([log], log.names[0], timing=t)[0].law.torque(1.9) for t in ("command", "sample")]
+    assert amount == pytest.approx(abs(float(curves[0] - curves[1])), rel=0.25)
+    assert "V^3" not in doubt
+
+
 def test_torque_that_comes_late_is_corrected_though_its_delay_is_not_known_to_an_interval(commanded):
     t, tau = commanded.time, commanded.torque[:, 0]
     noise = 4.5 * np.random.default_rng(1).standard_normal(t.size)

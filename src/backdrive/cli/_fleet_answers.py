@@ -14,6 +14,7 @@ from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._progress import progress
+from backdrive.cli._targets import check_targets
 from backdrive.errors import InvalidInput
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ def merge(
     """
     from backdrive.fleet.population import merge as merged
 
-    _logs.check_targets([population, model], [])
+    check_targets([population, model], [])
     result = merged(output)
     if model is not None:
         result.model(type).save(model)
@@ -197,7 +198,7 @@ def page(
     from backdrive.fleet.status import status
     from backdrive.fleet.store import Store
 
-    _logs.check_targets([target], [])
+    check_targets([target], [], pages=[target])
     with progress() as say:
         say("Judging the joints")
         every, apart = _judge(output, rate, None)

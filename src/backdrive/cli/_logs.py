@@ -7,13 +7,12 @@ import inspect
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
-from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import typer
 
-from backdrive._files import check_regular, check_writable
+from backdrive._files import check_regular
 from backdrive.cli._coupling import matrix_from
 from backdrive.errors import InvalidInput, MappingError, ReadError
 
@@ -267,53 +266,9 @@ def numbers(text: str | None, option: str) -> list[float] | None:
         ) from error
 
 
-def check_targets(
-    outputs: Sequence[Path | None], inputs: Sequence[Path | None], *, drawn: Sequence[Path | None] = ()
-) -> None:
-    """Refuse outputs that cannot be written or that would overwrite an input; called before any long computation.
-
-    Args:
-        outputs: files that a command will write; those that end in .png or .svg are pictures.
-        inputs: files that it reads.
-        drawn: further outputs, with pictures in them.
-
-    Raises:
-        InvalidInput: an output is an input or another output.
-        WriteError: an output cannot be written; see `backdrive._files.check_writable`.
-        MissingExtra: an output needs matplotlib, which is not installed.
-    """
-    taken = {realpath(p): p for p in inputs if p is not None}
-    wanted = [p for p in (*outputs, *drawn) if p is not None]
-    for path in wanted:
-        if realpath(path) in taken:
-            raise InvalidInput(
-                f"Cannot write {path}: it is also {taken[realpath(path)]}.", remedy="Name another file."
-            )
-        check_writable(path)
-        taken[realpath(path)] = path
-    if any(path in drawn or path.suffix.lower() in (".png", ".svg") for path in wanted):
-        from backdrive.report.pictures.canvas import require_matplotlib
-
-        require_matplotlib()
-
-
 def files_of(model: str) -> list[Path]:
     """Return the file of a model, or none for a preset."""
     return [] if model.startswith("preset:") else [Path(model)]
-
-
-def check_folder(folder: Path, files: Sequence[str]) -> None:
-    """Refuse a folder that cannot be created or written to; called before any long computation.
-
-    Args:
-        folder: made later where it does not exist.
-        files: names of files that will be written there.
-
-    Raises:
-        WriteError: see `backdrive._files.check_writable`.
-    """
-    for name in files:
-        check_writable(folder / name, make=True)
 
 
 def check_urdf(urdf: Path | None) -> None:

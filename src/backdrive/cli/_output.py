@@ -8,9 +8,7 @@ from __future__ import annotations
 import io
 import json
 import os
-import shutil
 import sys
-import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -18,38 +16,14 @@ import typer
 
 from backdrive._documents import plain
 from backdrive._visible import visible
+from backdrive.cli._lines import wrap
 from backdrive.errors import BackdriveError
 
 
 def echo(text: object = "", *, err: bool = False) -> None:
-    """Print lines of text, on standard error if asked, broken between words where the terminal ends."""
+    """Print lines of text, on standard error if asked, broken between words; see `_lines.width_of`."""
     stream = sys.stderr if err else sys.stdout
     typer.echo(wrap(visible(text, keep="\n\t"), stream), err=err)
-
-
-def wrap(text: str, stream: Any) -> str:
-    """Return text with long lines broken between words where a stream is a terminal; a file or a pipe gets whole lines.
-
-    Args:
-        text: lines.
-        stream: that they go to.
-    """
-    if not stream.isatty():
-        return text
-    width = max(shutil.get_terminal_size().columns, 40)
-    lines: list[str] = []
-    for line in text.split("\n"):
-        indent = line[: len(line) - len(line.lstrip())]
-        broken = textwrap.wrap(
-            line,
-            width,
-            subsequent_indent=f"{indent}  ",
-            break_long_words=False,
-            break_on_hyphens=False,
-            replace_whitespace=False,
-        )
-        lines += broken if len(line) > width else [line]
-    return "\n".join(lines)
 
 
 def console(*, stderr: bool = False) -> Any:
@@ -133,7 +107,7 @@ def fail(error: Exception, *, as_json: bool) -> int:
         if os.environ.get("BACKDRIVE_TRACEBACK"):
             import traceback
 
-            echo("".join(traceback.format_exception(error)), err=True)
+            typer.echo(visible("".join(traceback.format_exception(error)), keep="\n\t"), err=True)
         elif not as_json:
             echo("Set BACKDRIVE_TRACEBACK=1 to see where, and please report it.", err=True)
     return code

@@ -15,6 +15,7 @@ from backdrive.errors import InvalidInput
 from backdrive.plans import InTurn
 from backdrive.plans.centres import MOST_GAIN, MOST_SWEEPS, Separation, choose_centers, sweeps_about
 from backdrive.plans.limits import JointLimits
+from backdrive.plans.margins import inside
 
 
 def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, JointLimits]]:
@@ -45,7 +46,8 @@ def build_centres(request: Request) -> tuple[Separation, list[Any], dict[str, Jo
             f"--centres and --hold both place joint '{sweep.joint}'.", remedy="Hold the other joints only."
         )
     if chosen:
-        found = choose_centers(sweep, limits[sweep.joint], sweeps=None if word == "auto" else int(word))
+        own = limits[sweep.joint] if request.margin is not None else inside(limits[sweep.joint], sweep.stroke)
+        found = choose_centers(sweep, own, sweeps=None if word == "auto" else int(word))
         middle = 0.5 * (min(found.centers) + max(found.centers))
         center = center_of(request, limits[sweep.joint])
         if center is not None and abs(middle - center) > 1e-6:

@@ -10,6 +10,7 @@ from backdrive.cli._planning import single_plans
 from backdrive.plans import inertia_bias, smallest_stroke, stroke_for_bias
 from backdrive.plans.base import phrase, torque_unit
 from backdrive.plans.limits import JointLimits
+from backdrive.plans.margins import margins, note
 
 _BIAS, _SLIP = 0.1, 1e-3  # defaults of `--bias` [N.m or N] and `--time-slip` [s]
 
@@ -30,6 +31,7 @@ def figures_of(plan: Any, limits: JointLimits, request: Request) -> dict[str, An
         return figures
     figures |= {
         "position": list(plan.position_range),
+        "margins": [_margin(left, request.margin) for left in margins(plan, limits)],
         "peak_velocity": plan.peak_velocity,
         "peak_acceleration": plan.peak_acceleration,
     }
@@ -45,6 +47,11 @@ def figures_of(plan: Any, limits: JointLimits, request: Request) -> dict[str, An
             figures["stroke_for_bias"] = stroke_for_bias(plan.top_speed, inertia, bias, slip)
             figures["bias_at_this_stroke"] = inertia_bias(plan.stroke, plan.top_speed, inertia, slip)
     return figures
+
+
+def _margin(left: float, kept: float | None) -> float | None:
+    """Return the distance to an end of the range with what --margin keeps [rad or m]; None if the end is not known."""
+    return left + (kept or 0.0) if math.isfinite(left) else None
 
 
 def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> list[str]:
@@ -74,6 +81,8 @@ def notes_of(plan: Any, limits: dict[str, JointLimits], request: Request) -> lis
             notes.append(
                 f"The {what}{names} was not checked, for no limit is known: give --urdf, or {options}."
             )
+    if request.margin is None:
+        notes += filter(None, (note(one, limits[one.joint]) for one in single))
     if request.literal:
         notes.append("As printed in the thesis, the acceleration jumps at the end of every cycle.")
     steep = [p for p in single if p.unit == "rad" and p.peak_acceleration > 500]
@@ -115,6 +124,7 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
         degrees = f" ({math.degrees(low):.4g} to {math.degrees(high):.4g} deg)" if unit == "rad" else ""
         rows += [
             ("range", f"{low:.4g} to {high:.4g} {unit}" + degrees),
+            *_margin_rows(f["margins"], unit),
             ("top speed", phrase(f["peak_velocity"], f"{unit}/s")),
             ("peak acceleration", f"{f['peak_acceleration']:.4g} {unit}/s^2"),
         ]
@@ -127,6 +137,13 @@ def _rows(f: dict[str, Any]) -> list[tuple[str, str]]:
     if "smallest_stroke" in f:
         rows.append(("smallest stroke for the torque", phrase(f["smallest_stroke"], unit, 1)))
     return rows + _bias_rows(f)
+
+
+def _margin_rows(margins: list[float | None], unit: str) -> list[tuple[str, str]]:
+    """Return label and value of the distances to the known ends of the range."""
+    ends = zip(margins, ("below", "above"), strict=True)
+    words = [f"{phrase(max(left, 0.0), unit)} {side}" for left, side in ends if left is not None]
+    return [("margin to the limits", ", ".join(words))] if words else []
 
 
 def _bias_rows(f: dict[str, Any]) -> list[tuple[str, str]]:

@@ -14,6 +14,7 @@ from backdrive.errors import InvalidInput
 from backdrive.plans import Hold, InTurn, check_limits
 from backdrive.plans.base import KINDS, phrase
 from backdrive.plans.limits import JointLimits, read_limits
+from backdrive.plans.margins import refuse_touch
 
 _DEGREES = ("stroke", "top_speed", "center")  # may be given in degrees
 _SEVERAL = ("band", "speeds")  # hold numbers
@@ -54,7 +55,7 @@ def build(request: Request, *, check: bool = True) -> tuple[Any, dict[str, Joint
 def refuse_beyond(
     plan: Any, limits: JointLimits | dict[str, JointLimits], request: Request, *, alternative: bool = False
 ) -> None:
-    """Refuse a plan that passes a limit.
+    """Refuse a plan that passes a limit, or reaches an end of the range without a --margin.
 
     Args:
         plan: of one joint, or in turn.
@@ -72,6 +73,9 @@ def refuse_beyond(
     }
     try:
         check_limits(plan, limits, **torque)
+        if request.margin is None:
+            for one in single_plans(plan):
+                refuse_touch(one, limits if isinstance(limits, JointLimits) else limits[one.joint])
     except InvalidInput as error:
         one = single_plans(plan)[0]
         own = limits if isinstance(limits, JointLimits) else limits[one.joint]

@@ -20,7 +20,8 @@ class Share:
     """The share of the work that is done, from the counts in the sentences that tell of it.
 
     "3 of 20" says that three are done. "Joint 2 of 6", "law 3 of 12" and "part 1 of 5" name what has begun. Laws and parts
-    belong to the joint named last. A sentence without a count leaves the share as it is.
+    belong to the joint named last. A sentence without a count leaves the share as it is. A sentence with a share of its own
+    (`share`, as in a search) says it itself.
     """
 
     def __init__(self):
@@ -29,6 +30,10 @@ class Share:
 
     def hear(self, sentence: str) -> float | None:
         """Return the share after a sentence, None as long as no count was heard."""
+        own = getattr(sentence, "share", None)
+        if own is not None:
+            self.value = max(self.value or 0.0, own)
+            return self.value
         for what, number, count in _COUNT.findall(sentence.lower()):
             k, n = int(number), int(count)
             if n and not what:

@@ -10,11 +10,11 @@ from typing import Annotated
 
 import typer
 
-from backdrive.cli import _logs
 from backdrive.cli._logs import AsJson
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._progress import progress
+from backdrive.cli._targets import check_folder
 
 FILES = ("log.csv", "plan.json", "model.json", "report.html")
 SHOWN = (0.1, 0.25, 0.5, 0.75, 1.0)  # shares of the top speed in the table
@@ -36,7 +36,7 @@ def command(
     """
     from backdrive.report.pictures.canvas import require_matplotlib
 
-    _logs.check_folder(folder, FILES)
+    check_folder(folder, FILES)
     require_matplotlib()
     start = time.perf_counter()
     with progress(quiet=as_json) as say:

@@ -16,6 +16,7 @@ from backdrive.cli._maps import without_channels
 from backdrive.cli._output import echo, print_json
 from backdrive.cli._payload import center_from, check_options, print_payload
 from backdrive.cli._progress import progress
+from backdrive.cli._targets import check_targets
 
 COMPARED = (
     "tau_ext",
@@ -143,7 +144,7 @@ def command(
         raise InvalidInput(
             f"{output}: a table is CSV or Parquet.", remedy="Let its name end in .csv or .parquet."
         )
-    _logs.check_targets(
+    check_targets(
         [output],
         [
             log,
@@ -154,6 +155,7 @@ def command(
             urdf,
         ],
         drawn=[plot, report],
+        pages=[report],
     )
     _logs.check_urdf(urdf)
     place = center_from(at)

@@ -12,6 +12,7 @@ import typer
 from backdrive.cli import _interrupt, _logs
 from backdrive.cli._output import echo
 from backdrive.cli._progress import progress
+from backdrive.cli._targets import check_targets
 
 if TYPE_CHECKING:
     from backdrive.identification import Identification
@@ -105,8 +106,8 @@ def command(
         str | None,
         typer.Option(
             "--known",
-            help="Parameters with known values, which are not fitted: inertia=0.5,offset=0. For --law only: a curve "
-            "(--method motion) always seeks the delay of the torque itself.",
+            help="Parameters with known values, which are not fitted: inertia=0.5,offset=0 (for --law only), or the delay of the "
+            "torque behind the motion in seconds: delay=0.004 (for any method but constant-velocity and ramp).",
         ),
     ] = None,
     interval: Annotated[
@@ -140,8 +141,11 @@ def command(
     from backdrive.cli import _identify_tables as tables
     from backdrive.identification import identify
 
-    _logs.check_targets(
-        [output], [*logs, *(hold_out or []), *(plan or []), *reading.inputs, urdf], drawn=[report]
+    check_targets(
+        [output],
+        [*logs, *(hold_out or []), *(plan or []), *reading.inputs, urdf],
+        drawn=[report],
+        pages=[report],
     )
     if not gate > 0:
         raise typer.BadParameter(f"--gate {gate}: give a positive percentage.")

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json
+from backdrive.cli._targets import check_targets
 from backdrive.errors import InvalidInput
 
 
@@ -43,7 +43,7 @@ def command(
         else:
             _print_catalogue()
         return
-    _logs.check_targets([], [], drawn=[plot])
+    check_targets([], [], drawn=[plot])
     law, kinds = _parts_of(name)
     if plot is not None:
         from backdrive.report.pictures.signatures import save

@@ -12,7 +12,9 @@ import typer
 from backdrive._files import make_folder, write_together
 from backdrive._visible import visible
 from backdrive.cli import _logs
-from backdrive.cli._output import echo, print_json, wrap
+from backdrive.cli._lines import wrap
+from backdrive.cli._output import echo, print_json
+from backdrive.cli._targets import check_folder
 from backdrive.errors import InvalidInput, MissingExtra
 
 _OUTPUT = ("output", "rate", "ros_rate", "draw", "as_json")  # options that do not affect the motion
@@ -121,7 +123,11 @@ def command(
     upper: Annotated[float | None, _option(LIMITS, "Highest position allowed [rad or m].")] = None,
     margin: Annotated[
         float | None,
-        _option(LIMITS, "Distance that the motion keeps from either end of the range [rad or m]."),
+        _option(
+            LIMITS,
+            "Distance that the motion keeps from either end of the range [rad or m].  [default: none is reached; sweeps "
+            "by --centres keep 2 % of the stroke]",
+        ),
     ] = None,
     velocity_limit: Annotated[float | None, _option(LIMITS, "Greatest speed allowed [rad/s or m/s].")] = None,
     acceleration_limit: Annotated[
@@ -222,7 +228,7 @@ def command(
     from backdrive.plans import plan_to_dict
 
     request = Request(**options)
-    _logs.check_folder(output, ("plan.json",) if centres else _names(draw))
+    check_folder(output, ("plan.json",) if centres else _names(draw))
     if centres is None:
         plan, limits = build(request)
         plans, singles, folders, notes = [plan], single_plans(plan), [output], []
@@ -234,7 +240,7 @@ def command(
         sweeps, plans, limits = several.build_centres(request)
         singles, folders = tuple(sweeps.plans), several.folders_of(sweeps, output)
         for folder in folders:
-            _logs.check_folder(folder, _names(draw))
+            check_folder(folder, _names(draw))
         notes = several.notes_of_centres(sweeps, request)
         document = {"plans": [plan_to_dict(one) for one in plans], **several.figures_of_centres(sweeps)}
         document["folders"] = [str(p) for p in folders]
@@ -277,7 +283,7 @@ def _plan_arm(
     from backdrive.cli._progress import progress
     from backdrive.plans import plan_to_dict
 
-    _logs.check_folder(output, _names(draw))
+    check_folder(output, _names(draw))
     with progress(quiet=as_json) as say:
         outcome = plan_arm(Request(**options), say)
         say("Drawing the plan")

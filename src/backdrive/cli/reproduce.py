@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from backdrive._files import make_folder, write_together
-from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json, table
 from backdrive.cli._progress import progress
+from backdrive.cli._targets import check_folder
 
 if TYPE_CHECKING:
     from backdrive.thesis.catalog import Entry
@@ -54,7 +54,7 @@ def command(
 
     entries = choose(names or ())
     pictures = [f"{entry.name}.{kind}" for entry in entries for kind in ("png", "svg")]
-    _logs.check_folder(folder, [BOOK, *pictures])
+    check_folder(folder, [BOOK, *pictures])
     require_matplotlib()
 
     def bind(done: list[Result]) -> Path:

@@ -17,6 +17,7 @@ import typer
 from backdrive.cli import _logs
 from backdrive.cli._output import console as new_console
 from backdrive.cli._output import echo, print_json, print_lines
+from backdrive.cli._targets import check_targets
 from backdrive.errors import InvalidInput
 
 SPEEDS = 21  # velocities of the table in --json
@@ -72,7 +73,7 @@ def command(
     if preset_name(model) == "" and plot is None and not joint:
         _print_presets(as_json)
         return
-    _logs.check_targets([], _logs.files_of(model), drawn=[plot])
+    check_targets([], _logs.files_of(model), drawn=[plot])
     loaded = load_model(model)
     shown = loaded
     if joint:

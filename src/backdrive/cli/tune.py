@@ -10,6 +10,7 @@ import typer
 from backdrive.cli import _joint_options, _logs
 from backdrive.cli._output import echo, print_json
 from backdrive.cli._progress import progress
+from backdrive.cli._targets import check_targets
 from backdrive.cli._tune_output import show_controller, show_tuning
 from backdrive.errors import BackdriveError, InvalidInput
 
@@ -136,7 +137,7 @@ def command(
     }
     check_wish(wish)
     check_numbers("tune", **shared, stroke=stroke, duration=duration, joints=joints, seed=seed)
-    _logs.check_targets([output, picture], _logs.files_of(model))
+    check_targets([output, picture], _logs.files_of(model))
     loaded = load_model(model)
     names = list(dict.fromkeys(loaded.joint(name).joint.name for name in joint or loaded.names))
     if picture is not None and (

@@ -33,7 +33,7 @@ from backdrive.identification.arm_signals import (
     hold_out_blocks,
     prepare_arm,
 )
-from backdrive.identification.arm_slip import ArmSlip, seek_slip
+from backdrive.identification.arm_slip import ArmSlip, seek_slip, with_known
 from backdrive.identification.arm_solve import Solution, solve_arm, spread_of
 from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load
 from backdrive.identification.evidence import evidence
@@ -59,6 +59,7 @@ def identify_arm(
     held_out: Sequence[Log] | None = None,
     cutoff: float | None = None,
     load_friction: bool = True,
+    delay: float | None = None,
 ) -> tuple[tuple[JointFriction, ...], tuple[JointEvidence, ...], ArmModel]:
     """Identify the friction of all joints of an arm together with its rigid bodies.
 
@@ -68,6 +69,7 @@ def identify_arm(
         held_out: logs to judge on, not fitted; without any, a quarter of `logs` in contiguous blocks.
         cutoff: low pass of the position before differentiation [Hz]; None: 20.
         load_friction: estimate friction proportional to the torque that the bodies require.
+        delay: of the torque behind the motion, if it is known [s]; None: estimated.
 
     Returns:
         Friction and evidence by joint, in the log's order; and the bodies, in the URDF's order. `dynamics` of a joint contains
@@ -113,7 +115,7 @@ def identify_arm(
 
     loaded = np.full(len(terms), load_friction)
     solution = solve_arm(rows, robot, terms, refill, loaded)
-    slip = seek_slip(regressor, terms, solution.beta)
+    slip, wrong = with_known(seek_slip(regressor, terms, solution.beta), delay, logs[0].period)
     if slip is not None and slip.is_significant:
         seen, unseen = ([s.shift(slip.delay) for s in some] for some in (seen, unseen))
         regressor = Regressor(robot, seen)
@@ -138,7 +140,7 @@ def identify_arm(
     )
     outside = beyond_range(robot, [*seen, *unseen])
     warnings = [a + b for a, b in zip(outside, remarks(robot, terms, rows, solution), strict=True)]
-    warnings[0] += impossible(distance) + joints_at_zero(robot, whole)
+    warnings[0] += impossible(distance) + joints_at_zero(robot, whole) + wrong
     guess = guess_coupling(rows, seen, terms, solution)
     if guess is not None:
         warnings[guess.motor] += (guess.sentence(robot.joints),)

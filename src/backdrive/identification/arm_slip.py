@@ -21,6 +21,7 @@ from backdrive.identification import regression
 from backdrive.identification.arm_errors import blocks_of
 from backdrive.identification.arm_signals import ArmSignals
 from backdrive.identification.arm_terms import Regressor, Rows, Terms, build, steps_of
+from backdrive.identification.known_delay import contradiction
 from backdrive.identification.quality import JUDGED_BELOW
 from backdrive.logs.filters import derivative, low_pass
 
@@ -49,7 +50,9 @@ class ArmSlip:
 
     @property
     def is_significant(self) -> bool:
-        """Whether the delay differs significantly from zero."""
+        """Whether the delay differs significantly from zero, or is known without an error."""
+        if self.error == 0.0:
+            return True
         return abs(self.delay) > SURE * self.error and self.error < EXACT and abs(self.delay) < LONGEST
 
 
@@ -79,6 +82,23 @@ def seek_slip(regressor: Regressor, terms: Sequence[Terms], beta: np.ndarray) ->
         if abs(total) > LONGEST or abs(left.delay) < 0.1 * left.error:
             break
     return None if left is None else ArmSlip(delay=total, error=left.error)
+
+
+def with_known(
+    slip: ArmSlip | None, delay: float | None, period: float
+) -> tuple[ArmSlip | None, tuple[str, ...]]:
+    """Return a known delay in place of the estimate, and a warning if the estimate contradicts it.
+
+    Args:
+        slip: as estimated; None if the motion does not determine it.
+        delay: as known [s]; None if it is not.
+        period: sampling interval [s].
+    """
+    if delay is None:
+        return slip, ()
+    told = slip is not None and slip.error < EXACT
+    wrong = contradiction(delay, (slip.delay, slip.error), period) if slip is not None and told else ""
+    return ArmSlip(delay=delay, error=0.0), (wrong,) if wrong else ()
 
 
 def _slides(s: ArmSignals, terms: Sequence[Terms]) -> np.ndarray:

@@ -51,7 +51,7 @@ def delay_beside_distance(res: Residual, *others: np.ndarray) -> tuple[float, fl
     factors = np.ones_like(res.velocity), np.sign(res.velocity)
     waves = [
         (factor * of_phase(best.wave * res.position))[rows, None]
-        for factor, best in zip(factors, res.waves(*factors), strict=True)
+        for factor, best in zip(factors, res.over_position, strict=True)
         if best is not None
         for of_phase in (np.sin, np.cos)
     ]

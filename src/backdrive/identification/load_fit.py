@@ -48,7 +48,8 @@ class Growth:
         value, error = self.slope
         return (
             f"Friction grows by {value:.4f} +- {error:.4f} of the load that the joint carries; the curve is "
-            f"that under {self.carried:.3g} N.m. Only a known payload can separate lifting from lowering the load."
+            f"that under {self.carried:.3g} N.m, of which {value * self.carried:.2g} +- {error * self.carried:.1g} N.m are this "
+            "growth. Only a known payload can separate lifting from lowering the load."
         )
 
 

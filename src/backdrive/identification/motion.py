@@ -9,7 +9,6 @@ the influence of outliers.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -27,6 +26,7 @@ from backdrive.identification.evidence import (
     sentences,
     without_errors,
 )
+from backdrive.identification.known_delay import describe
 from backdrive.identification.motion_bins import (
     BIN_TIME,
     FILLED,
@@ -36,6 +36,7 @@ from backdrive.identification.motion_bins import (
     bin_size,
     bin_time,
     moves,
+    slowest_sliding,
 )
 from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
@@ -43,7 +44,7 @@ from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import drop_build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
-from backdrive.identification.slip import LONG, Slip, coarse_delay, fit, seek_slip, with_slip
+from backdrive.identification.slip import Slip, fit, fix_slip, search_slip, with_slip
 from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
@@ -53,7 +54,6 @@ from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
 
 SHORT, FEW_TURNS = 4.0, 4  # least duration of motion [s] and least number of reversals without a remark
-LONG_ENOUGH = 0.25  # least time of sliding near the slowest sliding speed [s]
 LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
 LEAST_MOVES = 6  # least number of moves for standard errors
 SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
@@ -69,6 +69,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     gravity: bool | None = None,
     symmetric: bool | None = None,
     law: str | None = None,
+    delay: float | None = None,
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint from arbitrary motion.
 
@@ -80,6 +81,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         gravity: estimate gravity as sin q and cos q; None: chosen by cross-validation.
         symmetric: force one curve for both directions (True) or one each (False); None: chosen by cross-validation.
         law: `coulomb-viscous` or `polyline` to allow only that; None: chosen by cross-validation.
+        delay: of the torque behind the motion, if it is known [s]; None: estimated.
 
     Raises:
         InvalidInput: a log holds no torque.
@@ -107,7 +109,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     }
     shapes = curves.from_speed(knots, slowest)
     sections = {"": knots[list(shapes.get("5 sections", shapes["line"]))]}
-    full = design.candidates(knots, sections, **given)[-1].with_term("jerk")
+    full = design.candidates(knots, sections, **given)[-1]
     few = (
         moves(stretches) < LEAST_MOVES
     )  # too few data for a delay or for standard errors, so reversals are fitted too
@@ -115,8 +117,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
 
-    def shift(delay: float) -> list[Signals]:
-        return [delay_signals(s, delay) for s in stretches]
+    def shift(late: float) -> list[Signals]:
+        return [delay_signals(s, late) for s in stretches]
 
     def average(motion: list[Signals]) -> Bins:
         return bin_means(motion, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
@@ -136,14 +138,15 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     step = 0.0 if logs[0].position is None else encoder_step(logs[0].select(joint))
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, simpler, coarse = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, None
-    if not few:
-        slip = seek_slip(stretches, knots, full, seconds, rough=True)
-        if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
-            slip = seek_slip(stretches, knots, full, seconds, coarse, rough=True)
-        simpler = simplest(slip, average(shift(slip.delay)))[0]
-        slip = seek_slip(
-            stretches, knots, simpler.with_term("jerk"), seconds, slip.delay, near=math.isfinite(slip.error)
-        )
+
+    def simplest_at(slip: Slip) -> design.Candidate:
+        return simplest(slip, average(shift(slip.delay)))[0]
+
+    if delay is not None:
+        slip = fix_slip(stretches, knots, full, seconds, delay)
+        simpler = None if few else simplest_at(slip)
+    elif not few:
+        slip, coarse, simpler = search_slip(stretches, knots, full, seconds, simplest_at)
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)
@@ -154,7 +157,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     if slip.is_fitted(coarse):
         later = replace(average(shift(slip.delay + slip.error)), used=bins.used).whiten(slip.correlation)
         now, then = (fit(each.map_columns(choice.candidate.spread)) for each in (bins, later))
-        choice = with_slip(choice, (then - now) / slip.error, slip)
+        change = (then - now) / slip.error if slip.error > 0.0 else np.zeros_like(now)
+        choice = with_slip(choice, change, slip)
     choice = design.offset_apart(choice)
     velocity = float(speeds.min()), float(speeds.max())
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
@@ -198,7 +202,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         curves.widen_below(friction.law, slowest, of_curve),
     )
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
-    said = filter(None, (support.verdict, constant, smooth.note))
+    fixed = "" if delay is None else describe(delay)
+    said = filter(None, (support.verdict, constant, fixed, smooth.note))
     return friction, replace(support, verdict=" ".join(said))
 
 
@@ -224,23 +229,6 @@ def _simplest(
             candidate, loss = design.simplest(of_faster, lines)
             bins, blocks, slowest = faster, of_faster, slow
     return candidate, loss, bins, blocks, slowest
-
-
-def slowest_sliding(stretches: Sequence[Any], knots: np.ndarray) -> float:
-    """Return the slowest knot near which the joint slid for a while [rad/s or m/s].
-
-    Args:
-        stretches: of one joint.
-        knots: speeds, ascending from zero [rad/s or m/s], (k,).
-    """
-    for knot in knots[1:]:
-        kept = 0.0
-        for s in stretches:
-            speed = np.abs(s.velocity[s.sliding])
-            kept += float(np.count_nonzero((speed > 0.5 * knot) & (speed < 1.5 * knot))) / s.rate
-        if kept >= LONG_ENOUGH:
-            return float(knot)
-    return float(knots[-1])
 
 
 def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], slip: Slip) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ BLOCK_TIME = 1.5  # shortest cross-validation block, unless `BLOCKS` requires sh
 BLOCKS = (8, 24)  # least and largest number of blocks
 # least share of sliding samples in a used bin; least share of moving samples, if there is little motion [-]
 FILLED, HALF = 0.9, 0.5
+LONG_ENOUGH = 0.25  # least time of sliding near the slowest sliding speed [s]
 MOVE = 0.1  # least duration of a move [s]
 CHUNK = 200_000  # number of samples per chunk of the regressor
 Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
@@ -190,3 +191,20 @@ def bin_means(
             sum(s.time.size / s.rate for s in stretches), period_of([moves_of(s) for s in stretches])
         ),
     )
+
+
+def slowest_sliding(stretches: Sequence[Signals], knots: np.ndarray) -> float:
+    """Return the slowest knot near which the joint slid for a while [rad/s or m/s].
+
+    Args:
+        stretches: of one joint.
+        knots: speeds, ascending from zero [rad/s or m/s], (k,).
+    """
+    for knot in knots[1:]:
+        kept = 0.0
+        for s in stretches:
+            speed = np.abs(s.velocity[s.sliding])
+            kept += float(np.count_nonzero((speed > 0.5 * knot) & (speed < 1.5 * knot))) / s.rate
+        if kept >= LONG_ENOUGH:
+            return float(knot)
+    return float(knots[-1])

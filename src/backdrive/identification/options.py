@@ -26,6 +26,7 @@ from backdrive._arguments import (
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput
 from backdrive.identification.alignment import Start, with_plan
+from backdrive.identification.known_delay import known_delay
 from backdrive.identification.timing import Timing
 from backdrive.laws import Law
 from backdrive.logs.log import Drive, Log
@@ -46,7 +47,8 @@ APPLIES: dict[str, tuple[str, ...]] = {
     "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"),
     "urdf": ("arm",),
     "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm", "dynamic"),
-    **dict.fromkeys(("delay", "bounds", "known", "drive", "loss", "interval", "step", "seed"), ("dynamic",)),
+    "known": ("motion", "sweep", "arm", "dynamic"),
+    **dict.fromkeys(("delay", "bounds", "drive", "loss", "interval", "step", "seed"), ("dynamic",)),
 }
 
 
@@ -122,6 +124,11 @@ class Options:
             InvalidInput: there is such an option, or two contradict each other.
         """
         given = self.overrides()
+        if self.delay_known(method) is not None and self.timing is not None:
+            raise InvalidInput(
+                "Both the timing of the torque and its delay are known.",
+                remedy="Give one: --torque-timing sample is --known delay=0.",
+            )
         for name in given:
             if method not in APPLIES.get(name, (method,)):
                 raise InvalidInput(
@@ -134,6 +141,11 @@ class Options:
                     f"'{other}' does not go with a payload.",
                     remedy="Leave it out: both directions have a curve of their own.",
                 )
+
+    def delay_known(self, method: str) -> float | None:
+        """Return the delay of the torque that the user knows [s], for any method; None without one."""
+        delay = known_delay(self.known, method)
+        return self.known.get("delay") if method == "dynamic" else delay
 
     def check(self) -> None:
         """Refuse arguments that are invalid for any log.

@@ -39,11 +39,11 @@ from backdrive.plans.limits import JointLimits, read_limits
 
 #: Method -> its function for one joint: module, name, and the options that it uses.
 ONE_JOINT: dict[str, tuple[str, str, tuple[str, ...]]] = {
-    "sweep": ("sweep", "identify_sweep", ("literal", "symmetric", "timing")),
-    "payload": ("sweep_payload", "identify_payload", ("payloads", "timing")),
+    "sweep": ("sweep", "identify_sweep", ("literal", "symmetric", "timing", "delay")),
+    "payload": ("sweep_payload", "identify_payload", ("payloads", "timing", "delay")),
     "constant-velocity": ("constant_velocity", "identify_constant_velocity", ("symmetric", "law")),
     "ramp": ("presliding", "identify_ramp", ()),
-    "motion": ("motion", "identify_motion", ("cutoff", "gravity", "symmetric", "law")),
+    "motion": ("motion", "identify_motion", ("cutoff", "gravity", "symmetric", "law", "delay")),
 }
 Outcome = tuple[Sequence[JointFriction], Sequence[JointEvidence], ArmModel | None]
 
@@ -106,7 +106,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
             Given the drive's input, also of any parameter of the axis and its drive, which is then estimated:
             `drive.resistance`, ... (dynamic; see `dynamic.motion_terms`).
         known: fixed values by name [SI]: `inertia`, `offset`, `gravity_sin`, `gravity_cos`; given the drive's input, any
-            parameter of `engine.Axis` (dynamic; a curve by `motion` always estimates the delay of the torque itself).
+            parameter of `engine.Axis` (dynamic). `delay` of the torque behind the motion (motion, sweep, arm, dynamic).
         drive: fit motion given this drive's input; None: the drive of the logs, if they hold no torque (dynamic).
         loss: `linear`, `huber` or `absolute` (dynamic).
         interval: `covariance`, `profile` or `bootstrap`; see `dynamic.uncertainty` (dynamic).
@@ -224,7 +224,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     if held_out and method not in ("motion", "arm", "dynamic"):
         options.say("Judging on the held-out logs")
         model, evidence = _validate_on(model, evidence, held_out)
-    model, evidence = _with_verdicts(model, evidence, logs)
+    model, evidence = _with_verdicts(model, evidence, logs, options.delay_known(method))
     limits = _limits(options.urdf)
     model = replace(
         model,
@@ -282,7 +282,8 @@ def _arm(logs: Sequence[Log], held_out: Sequence[Log], options: Options) -> Outc
     from backdrive.identification.arm import identify_arm
 
     options.say("Identifying the arm")
-    return identify_arm(logs, options.urdf, held_out=held_out, cutoff=options.cutoff)
+    given: dict[str, Any] = {"cutoff": options.cutoff, "delay": options.delay_known("arm")}
+    return identify_arm(logs, options.urdf, held_out=held_out, **given)
 
 
 def _by_joint(
@@ -314,11 +315,11 @@ def _one(
     method: str, logs: Sequence[Log], name: str, held_out: Sequence[Log], options: Options
 ) -> tuple[JointFriction, JointEvidence]:
     module, function, heeded = ONE_JOINT["payload" if options.payloads is not None else method]
-    given = {n: getattr(options, n) for n in heeded}
+    late = options.delay_known(method)
+    given: dict[str, Any] = {n: late if n == "delay" else getattr(options, n) for n in heeded}
     if isinstance(given.get("law"), (list, tuple)):
         given["law"] = ",".join(given["law"])
-    if method == "motion":
-        given["held_out"] = held_out
+    given |= {"held_out": held_out} if method == "motion" else {}
     return getattr(import_module(f"backdrive.identification.{module}"), function)(logs, name, **given)
 
 
@@ -332,10 +333,10 @@ def _validate_on(
 
 
 def _with_verdicts(
-    model: FrictionModel, evidence: Sequence[JointEvidence], logs: Sequence[Log]
+    model: FrictionModel, evidence: Sequence[JointEvidence], logs: Sequence[Log], delay: float | None
 ) -> tuple[FrictionModel, list[JointEvidence]]:
     """Return model and evidence with the remarks of the plausibility rules."""
-    joints = tuple(with_verdict(j, e, logs) for j, e in zip(model.joints, evidence, strict=True))
+    joints = tuple(with_verdict(j, e, logs, delay) for j, e in zip(model.joints, evidence, strict=True))
     return replace(model, joints=joints), _describe_fit(evidence, model.joints, joints)
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from backdrive.identification import known_delay
 from backdrive.identification import plausibility_logs as beside
 from backdrive.identification import plausibility_numbers as numbers
 from backdrive.identification import plausibility_residual as residual
@@ -32,6 +33,7 @@ RULES: tuple[Rule, ...] = (
     numbers.external_share,
     numbers.one_way,
     numbers.directions,
+    known_delay.remark,
     numbers.delay_range,
     beside.plan,
     residual.delay,
@@ -44,22 +46,27 @@ RULES: tuple[Rule, ...] = (
 )
 
 
-def remarks(friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = ()) -> list[Remark]:
+def remarks(
+    friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = (), delay: float | None = None
+) -> list[Remark]:
     """Return the remarks of all rules on a joint's result, gravest first.
 
     Args:
         friction: of the joint.
         evidence: of the same joint.
         logs: fitted logs.
+        delay: of the torque behind the motion, if the user knows it [s].
     """
-    case = Case(friction=friction, evidence=evidence, logs=logs)
+    case = Case(friction=friction, evidence=evidence, logs=logs, known_delay=delay)
     every = [remark for rule in RULES if (remark := rule(case)) is not None]
     return sorted(every, key=lambda remark: ORDER.index(remark.severity))
 
 
-def with_verdict(friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = ()) -> JointFriction:
-    """Return the joint with the rules' remarks before the method's warnings, and the grade that they allow."""
-    every = remarks(friction, evidence, logs)
+def with_verdict(
+    friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = (), delay: float | None = None
+) -> JointFriction:
+    """Return the joint with the rules' remarks before the method's warnings, and the grade that they allow; see `remarks`."""
+    every = remarks(friction, evidence, logs, delay)
     if not every:
         return friction
     worst = every[0].severity

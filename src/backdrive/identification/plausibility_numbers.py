@@ -135,18 +135,22 @@ def certainty(case: Case) -> Remark | None:
     error, torque = curve.standard_error, np.abs(curve.torque)
     if not error.size or not np.isfinite(error).all() or not torque.mean() > 0.0:
         return None
-    share = 2.0 * float(np.median(error)) / float(torque.mean())
+    reach = 2.0 * float(np.median(error))
+    share = reach / float(torque.mean())
     if share < 0.5:
         return None
     return Remark(
         severity="unknown" if share > 1.0 else "care",
-        sentence=f"The curve is known to ± {100.0 * share:.0f} % only: record more reversals, at more speeds.",
+        sentence=f"The curve is known to ± {reach:.2g} {case.unit} ({100.0 * share:.0f} %) only: record more reversals, at more "
+        "speeds.",
     )
 
 
 def delay_range(case: Case) -> Remark | None:
     """Remark on a delay too long for a clock offset, graver if the delay is poorly known and may be even longer."""
     value, error = case.value("time_slip")
+    if case.known_delay is not None:
+        return None  # the rule of `known_delay` compares it with the motion
     spread = 2.0 * error if math.isfinite(error) else 0.0
     if not abs(value) + spread >= LARGEST_SLIP:
         return None

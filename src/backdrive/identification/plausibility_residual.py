@@ -114,7 +114,10 @@ def structure(case: Case) -> Remark | None:
     res = case.residual.slides
     way, size = np.sign(res.velocity), case.residual.size
     load = np.abs(res.torque - res.friction)
-    share, wave = "{share:.0f} % of the friction", "every {wave:.2g} " + case.friction.joint.unit
+    share, wave = (
+        "{amount:.2g} {unit}, {share:.0f} % of the friction",
+        "every {wave:.2g} " + case.friction.joint.unit,
+    )
     follows_load = f"Friction depends on the load, by {share}: use a law with load (--law m3)."
     tests: list[tuple[Explanation | None, str]] = []
     for time in _times(res):
@@ -133,7 +136,7 @@ def structure(case: Case) -> Remark | None:
                 f"The torque changed midway, by {share}: its gain, or its sign.",
             ),
         ]
-    of_torque, of_friction = res.waves(np.ones_like(way), way)
+    of_torque, of_friction = res.over_position
     tests += [
         (res.explain(way * load), follows_load),
         (res.explain(way * _static_load(case, res)), follows_load),
@@ -160,7 +163,10 @@ def structure(case: Case) -> Remark | None:
         return slow_torque(case)
     best, sentence = max(sure, key=lambda pair: pair[0].beyond)
     named = sentence.format(
-        share=100.0 * best.size / size, wave=2.0 * np.pi / best.wave if best.wave else 0.0
+        amount=best.size,
+        unit=case.unit,
+        share=100.0 * best.size / size,
+        wave=2.0 * np.pi / best.wave if best.wave else 0.0,
     )
     return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
 

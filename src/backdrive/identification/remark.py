@@ -42,11 +42,13 @@ class Case:
         friction: of one joint.
         evidence: of the same joint.
         logs: fitted logs.
+        known_delay: of the torque behind the motion, if the user knows it [s].
     """
 
     friction: JointFriction
     evidence: JointEvidence
     logs: Sequence[Log] = ()
+    known_delay: float | None = None
 
     @property
     def residual(self) -> Residual | None:

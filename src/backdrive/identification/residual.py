@@ -168,6 +168,12 @@ class Residual:
             beyond=float(np.sqrt(np.mean(fit**2))),
         )
 
+    @cached_property
+    def over_position(self) -> tuple[Explanation | None, Explanation | None]:
+        """Explanations by the best wave of the torque over position, and of the friction, whose sign is that of the velocity."""
+        of_torque, of_friction = self.waves(np.ones_like(self.velocity), np.sign(self.velocity))
+        return of_torque, of_friction
+
     def waves(self, *factors: np.ndarray) -> list[Explanation | None]:
         """Return the explanation by the best wave over position, for each factor; None without sufficient positions.
 

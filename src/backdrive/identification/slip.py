@@ -8,7 +8,7 @@ reduction follows from the change of the coefficient between two delays. At the 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -97,6 +97,51 @@ def coarse_delay(stretches: Sequence[Signals]) -> float | None:
     means = residual_of([(s, s.torque, s.torque, True) for s in stretches])
     shift = None if means is None else shift_of(means)
     return None if shift is None or abs(shift[0]) < LONG or shift[1] > WORTH else shift[0]
+
+
+def search_slip(
+    stretches: Sequence[Signals],
+    knots: np.ndarray,
+    full: design.Candidate,
+    seconds: float,
+    choose: Callable[[Slip], design.Candidate],
+) -> tuple[Slip, float | None, design.Candidate]:
+    """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the candidate chosen with the delay.
+
+    Args:
+        stretches: of one joint.
+        knots: of the fine basis [rad/s or m/s], (k,).
+        full: candidate with inertia, without jerk.
+        seconds: of the bins [s].
+        choose: gives the candidate for a rough delay.
+    """
+    coarse, widest = None, full.with_term("jerk")
+    slip = seek_slip(stretches, knots, widest, seconds, rough=True)
+    if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
+        slip = seek_slip(stretches, knots, widest, seconds, coarse, rough=True)
+    candidate = choose(slip)
+    near = math.isfinite(slip.error)
+    slip = seek_slip(stretches, knots, candidate.with_term("jerk"), seconds, slip.delay, near=near)
+    return slip, coarse, candidate
+
+
+def fix_slip(
+    stretches: Sequence[Signals], knots: np.ndarray, full: design.Candidate, seconds: float, delay: float
+) -> Slip:
+    """Return a delay that the user knows, without an error, and the correlation of the noise about a fit with it.
+
+    Args:
+        stretches: of one joint.
+        knots: of the fine basis [rad/s or m/s], (k,).
+        full: candidate with inertia, without jerk.
+        seconds: of the bins [s].
+        delay: of the torque behind the motion [s].
+    """
+    bins = bins_at_delay(
+        [DelayStretch(s, seconds, CORNERS[1], OF_JERK[1]) for s in stretches], delay, knots, full
+    )
+    correlation = neighbours(bins.y - bins.X @ fit(bins), bins.used)
+    return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, correlation=correlation)
 
 
 def seek_slip(

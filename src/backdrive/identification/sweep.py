@@ -17,6 +17,7 @@ from backdrive.identification.curves import knot_names, widen_below
 from backdrive.identification.evidence import evidence, parts_of
 from backdrive.identification.function_a import SHARE, correct_pairs, function_a
 from backdrive.identification.function_a import literal as literal_pairs
+from backdrive.identification.known_delay import describe
 from backdrive.identification.quality import assess_parts
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
@@ -96,6 +97,7 @@ def identify_sweep(
     literal: bool = False,
     symmetric: bool | None = None,
     timing: Timing | None = None,
+    delay: float | None = None,
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint's friction from sweeps.
 
@@ -110,6 +112,8 @@ def identify_sweep(
         timing: the torque is a `command`, held from its sample on, or a `sample`, taken with the position; None: detected from
             the motion. If the motion shows neither, the delay of the drive is estimated; if it is not determined either, a
             command is assumed, with a warning.
+        delay: of the logged torque behind the motion, if it is known [s]: 0 for a sample, minus half a sampling interval for a
+            command; None: as the timing says.
 
     Raises:
         InvalidInput: no log, or one without torque.
@@ -119,7 +123,7 @@ def identify_sweep(
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     about = logs[0].select(joint).on_joint_side().joints[0]
     stretches = [prepare(log, joint) for log in logs]
-    delays, errors, remarks = drive_delays(logs, joint, stretches, timing, literal)
+    delays, errors, remarks = drive_delays(logs, joint, stretches, timing, literal, delay)
     each, late = _each(logs, joint, stretches, delays, errors)
     used = each
     if literal:
@@ -147,7 +151,8 @@ def identify_sweep(
     if not literal:
         of_curve = widen_below(friction.law, friction.validity.lowest_speed or 0.0, of_curve)
     support = evidence(friction, [part for log in parts for part in log], of_curve)
-    return friction, replace(support, verdict=verdict(friction, found))
+    said = verdict(friction, found) + ("" if delay is None else f" {describe(delay)}")
+    return friction, replace(support, verdict=said)
 
 
 def fit_sweeps(

@@ -20,6 +20,7 @@ import numpy as np
 from backdrive.identification import regression
 from backdrive.identification.curves import basis
 from backdrive.identification.delay import torque_between
+from backdrive.identification.function_a import correct_pairs
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.slip import LONG, coarse_delay, is_long
@@ -103,10 +104,13 @@ def drive_delays(
     stretches: Sequence[Sequence[Signals]],
     timing: Timing | None,
     literal: bool,
+    known_late: float | None = None,
 ) -> tuple[list[float], list[float], list[str]]:
     """Return for each log the time from the middle of a command's interval to the torque's effect [s] and its standard error
     [s], and remarks.
     """
+    if known_late is not None:
+        return [-0.5 / s[0].rate - known_late for s in stretches], [0.0] * len(stretches), []
     told: list[str | None] = [timing or "command"] * len(stretches)
     if timing is None and not literal:
         told = [torque_timing(s)[0] for s in stretches]
@@ -129,23 +133,35 @@ def drive_delays(
         return (
             delays,
             errors,
-            [
-                "The motion does not show whether the torque was commanded or sampled with the position; it was "
-                "taken as commanded. If that is wrong, the curve is off by up to 1.9 I V^3 T / A^2 (--torque-timing "
-                "sample)."
-            ],
+            [_doubt(logs[i], joint, stretches[i], c) for i, c in zip(open_, cycles, strict=True)][:1],
         )
     for i in open_:
         delays[i], errors[i] = delay, error
-    known = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
-    how = f"was logged {known} after it acted"
+    amount = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
+    how = f"was logged {amount} after it acted"
     if late <= period:
         way = "later" if delay >= 0.0 else "earlier"
         how = (
-            f"acts {known} {way} than a command that is held for one interval (the logged torque precedes the motion by half "
+            f"acts {amount} {way} than a command that is held for one interval (the logged torque precedes the motion by half "
             "an interval more)"
         )
     return delays, errors, [f"The torque {how}; this delay was estimated from the motion and corrected."]
+
+
+def _doubt(log: Log, joint: str, stretches: Sequence[Signals], cycles: Windows) -> str:
+    """Return the sentence on a torque of unknown timing, with the change of the curve between both timings."""
+    about = log.select(joint).joints[0]
+    commanded, sampled = (
+        correct_pairs(stretches, cycles, rotary=about.unit == "rad", delay=delay)
+        for delay in (0.0, -0.5 / stretches[0].rate)
+    )
+    change = np.maximum(abs(sampled.F_pos - commanded.F_pos), abs(sampled.F_neg - commanded.F_neg))
+    worst = int(np.argmax(change))
+    return (
+        "The motion does not show whether the torque was commanded or sampled with the position; it was taken as commanded. If "
+        f"that is wrong, the curve is off by up to {change[worst]:.2g} {about.torque_unit}, at "
+        f"{commanded.V[worst]:.3g} {about.unit}/s (--torque-timing sample)."
+    )
 
 
 def _together(each: Sequence[tuple[float, float]]) -> tuple[float, float]:

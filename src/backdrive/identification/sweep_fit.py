@@ -145,10 +145,11 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
             f"Joint '{name}' has one curve for both directions, since its sweeps do not separate a constant "
             f"difference of the directions from gravity. {REMEDY}"
         )
-    if told and known and load is None and _same_weight(eqs, theta):
+    weight = _same_weight(eqs, theta) if told and known and load is None else 0.0
+    if weight > 0.0:
         notes.append(
-            "The gravity torque has the same size at all centers, so friction that grows with it would be part of "
-            "the curve; a third center between them would show it."
+            f"The gravity torque has the same size at all centers, {weight:.3g} N.m, so friction that grows with it would be "
+            "part of the curve; a third center between them would show it."
         )
     if symmetric:
         kept = _with_constant(eqs, "equal", terms)
@@ -212,11 +213,12 @@ def _with_constant(eqs: Equations, curves: str, terms: tuple[str, ...]) -> tuple
     return TERMS if told else terms
 
 
-def _same_weight(eqs: Equations, theta: np.ndarray) -> bool:
-    """Return whether gravity has nearly the same magnitude at all centers, and is large enough for friction to grow with it."""
+def _same_weight(eqs: Equations, theta: np.ndarray) -> float:
+    """Return the magnitude of gravity [N.m] if it is nearly the same at all centers, and friction may grow with it; 0 if not."""
     K = eqs.V.size
     size = np.abs(eqs.X[: eqs.levels, 2 * K : 2 * K + 2] @ theta[2 * K : 2 * K + 2])
-    return bool(np.ptp(size) < 0.05 * size.max() and size.max() > 0.1 * np.mean(theta[: 2 * K]))
+    same = np.ptp(size) < 0.05 * size.max() and size.max() > 0.1 * np.mean(theta[: 2 * K])
+    return float(size.mean()) if same else 0.0
 
 
 def _gain(knots: Sequence[SweepKnots], covariance: np.ndarray, K: int) -> float:

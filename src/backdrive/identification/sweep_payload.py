@@ -34,6 +34,7 @@ def identify_payload(
     payloads: Sequence[tuple[float, float]],
     *,
     timing: Timing | None = None,
+    delay: float | None = None,
 ) -> tuple[JointFriction, JointEvidence]:
     """Identify one joint's friction, and its growth for a motor that lifts the load and for a load that drives the motor back.
 
@@ -44,6 +45,7 @@ def identify_payload(
         joint: name.
         payloads: s and c of the payload's gravity s sin q + c cos q in each log; (0, 0) without one [N.m].
         timing: as in `identify_sweep`.
+        delay: as in `identify_sweep` [s].
 
     Returns:
         The friction, with a law for zero load and its growth in both directions of power; and the evidence.
@@ -64,7 +66,7 @@ def identify_payload(
             remedy="A payload tells growth with the load on rotary joints.",
         )
     stretches = [prepare(log, joint) for log in logs]
-    delays, errors, remarks = drive_delays(logs, joint, stretches, timing, False)
+    delays, errors, remarks = drive_delays(logs, joint, stretches, timing, False, delay)
     knots = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays, strict=True)]
     found = payload_growth(knots, payloads, name=joint)
     size = np.hypot(*np.array(payloads, dtype=float).T)

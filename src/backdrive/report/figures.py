@@ -211,8 +211,7 @@ CHANCE = 1e-3  # largest probability that noise alone explains a wave that is re
 
 def _period(friction: JointFriction, evidence: JointEvidence) -> str:
     """Return a sentence on the position period found in the residual, or on its absence."""
-    residual = evidence.residual
-    wave = None if residual is None else residual.waves(np.ones_like(residual.position))[0]
+    wave = None if evidence.residual is None else evidence.residual.slides.over_position[0]
     if wave is None or not wave.wave:
         return ""
     if not wave.chance <= CHANCE:

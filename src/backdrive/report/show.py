@@ -28,6 +28,7 @@ from backdrive.report.pictures import canvas
 from backdrive.report.pictures.curve import curves
 from backdrive.report.pictures.force import LEGEND, draw_force, force_legend
 from backdrive.report.pictures.model_curve import model_curve
+from backdrive.report.pictures.svg import compact
 from backdrive.report.pictures.tuning import safe_region
 from backdrive.report.words import count_of, esc, law_name, percent, plain, prose, quantity, with_error
 from backdrive.tuning.tuning import Tuning
@@ -128,7 +129,8 @@ def html(result: Any) -> str:
     if shown.figure is not None:
         try:
             with canvas.house_style():
-                data = base64.b64encode(canvas.content(shown.figure(canvas.LIGHT), "svg")).decode()
+                picture = compact(canvas.content(shown.figure(canvas.LIGHT), "svg"))
+            data = base64.b64encode(picture).decode()
             image = (
                 f'<img alt="{esc(plain(shown.title))}" style="max-width:100%;background:#fff" '
                 f'src="data:image/svg+xml;base64,{data}">'

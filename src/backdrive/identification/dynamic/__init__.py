@@ -23,6 +23,7 @@ from backdrive.identification.dynamic.motion import MotionFit as MotionFit
 from backdrive.identification.dynamic.motion import fit_motion as fit_motion
 from backdrive.identification.dynamic.motion_log import MotionLog as MotionLog
 from backdrive.identification.dynamic.motion_task import MotionTask
+from backdrive.identification.dynamic.progress import part_of
 from backdrive.identification.dynamic.search import LOSSES
 from backdrive.identification.dynamic.torque_task import TorqueTask
 from backdrive.identification.dynamic.uncertainty import check_interval
@@ -106,10 +107,11 @@ def fit_joints(
     fits: list[JointFit] = []
     stopped = False
     with stopping.gently():
-        for name in names:
+        for k, name in enumerate(names):
             try:
                 stopping.check()
-                fits.append(fit_joint(task(logs, held_out, name, options)))
+                own = replace(options, progress=part_of(options.say, k, len(names)))
+                fits.append(fit_joint(task(logs, held_out, name, own)))
             except BackdriveError as error:
                 if len(names) == 1:
                     raise

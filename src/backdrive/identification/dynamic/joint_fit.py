@@ -18,6 +18,7 @@ from backdrive.identification.dynamic import choice as choice_
 from backdrive.identification.dynamic import directions
 from backdrive.identification.dynamic.choice import Candidate, Choice
 from backdrive.identification.dynamic.fit import Fit
+from backdrive.identification.dynamic.progress import WHOLE, Work, size_of
 from backdrive.identification.dynamic.stopping import result_or_none
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options
@@ -121,14 +122,16 @@ def fit_joint(task: Task) -> JointFit:
         NotIdentifiable: no law can be fitted or judged.
         KeyboardInterrupt: a person interrupted the fit before there was a result to keep.
     """
-    name, options = task.info.name, task.options
-    check_bounds(options.bounds, task.laws, task.others)
+    name = task.info.name
+    check_bounds(task.options.bounds, task.laws, task.others)
+    work = planned(task)
+    options = task.options = replace(task.options, progress=work.say)
     candidates: list[Candidate] = []
     failure: BackdriveError | None = None
     stopped = False
     for k, law in enumerate(task.laws):
         among = f", law {k + 1} of {len(task.laws)}" if len(task.laws) > 1 else ""
-        options.say(f"{name}: fitting {law}{among}")
+        work.begin(f"{name}: fitting {law}{among}")
         begun = clock.perf_counter()
         try:
             one = _candidate(task, law, begun)
@@ -147,7 +150,7 @@ def fit_joint(task: Task) -> JointFit:
         raise failure or NotIdentifiable("No law could be judged.", remedy="Record a longer log.")
     what, unit, size = task.what
     choice = choice_.choose(name, candidates, unit, size, what)
-    if not stopped and (more := _by_direction(task, choice, candidates)) is not None:
+    if not stopped and (more := _by_direction(task, choice, candidates, work)) is not None:
         stopped = bool(more.fit and more.fit.interrupted)
         again = choice_.choose(name, [*candidates, more], unit, size, what)
         if again.chosen == more.name:
@@ -160,7 +163,7 @@ def fit_joint(task: Task) -> JointFit:
     assert best is not None
     final, remarks, whole = best, list(task.remarks), task.whole
     if whole is not None and not stopped:
-        options.say(f"{name}: fitting {best.name} to everything")
+        work.begin(f"{name}: fitting {best.name} to everything")
         again = result_or_none(lambda: task.fit(best.name, whole, best.values))
         stopped = again is None or again.interrupted
         if again is not None and task.explains(again, best):
@@ -170,6 +173,7 @@ def fit_joint(task: Task) -> JointFit:
                 "The fit to all data explains the log worse than the fit without the held-out windows, so the "
                 "latter's parameters are used."
             )
+    work.end()
     ends, done = final.intervals_until_stop(
         "covariance" if stopped else options.interval,
         seed=options.seed,
@@ -190,7 +194,17 @@ def fit_joint(task: Task) -> JointFit:
     )
 
 
-def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -> Candidate | None:
+def planned(task: Task) -> Work:
+    """Return the work of a joint: a fit of every law, and one to all data where windows are held out."""
+    samples = sum(map(len, task.masks))
+    sizes = [size_of(law, samples) for law in task.laws]
+    last = [WHOLE * max(sizes)] if task.whole is not None and sizes else []
+    return Work(task.options.say, [*sizes, *last])
+
+
+def _by_direction(
+    task: Task, choice: Choice, candidates: Sequence[Candidate], work: Work
+) -> Candidate | None:
     """Return the chosen law with parameters for each direction, fitted like the others; None if residuals do not justify it."""
     one = choice.candidate().fit
     if one is None or task.options.symmetric is not None or not one.problem.shape.rate.SYMMETRIC:
@@ -200,7 +214,7 @@ def _by_direction(task: Task, choice: Choice, candidates: Sequence[Candidate]) -
         return None  # the residual is rounding error
     if law in [c.name for c in candidates] or not task.differs(one):
         return None
-    task.options.say(f"{task.info.name}: fitting {law}")
+    work.begin(f"{task.info.name}: fitting {law}", size_of(law, sum(map(len, task.masks))))
     begun = clock.perf_counter()
     try:
         return result_or_none(lambda: _candidate(task, law, begun))

@@ -14,7 +14,7 @@ from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.uncertainty import search_covariance
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.evidence import evidence
-from backdrive.identification.motion import slowest_sliding
+from backdrive.identification.motion_bins import slowest_sliding
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals

@@ -12,6 +12,7 @@ from backdrive.external import Contact, ForceEstimate, JointForce
 from backdrive.external.result import STATES
 from backdrive.report.pictures import canvas, sizes
 from backdrive.report.pictures.canvas import LIGHT, Theme
+from backdrive.report.pictures.legend import corner_legend
 
 WIDTH, HEIGHT = 640, 190  # of a joint [pt]
 LEGEND = 16.0  # its height at the top [pt]
@@ -101,18 +102,8 @@ def force_legend(figure: Any, theme: Theme, estimate: ForceEstimate) -> None:
     if estimate.contacts:
         handles.append(Patch(color=theme.held_out, alpha=0.25, linewidth=0, label="contact"))
     width, height = figure.get_size_inches() * 72.0
-    figure.legend(
-        handles=handles,
-        loc="upper right",
-        bbox_to_anchor=(1.0 - 14.0 / width, 1.0 - 4.0 / height),
-        ncols=len(handles),
-        frameon=False,
-        labelcolor=theme.ink,
-        fontsize=canvas.FONT_SIZE - 1.5,
-        handlelength=1.6,
-        borderpad=0,
-        borderaxespad=0,
-    )
+    corner = 1.0 - 14.0 / width, 1.0 - 4.0 / height
+    corner_legend(figure, handles, [h.get_label() for h in handles], corner, "upper right", theme.ink)
 
 
 def draw_friction(axes: Any, theme: Theme, one: JointForce) -> None:

@@ -1,4 +1,4 @@
-"""Legend and joint name of a friction curve that is drawn outside a report, where it has no caption."""
+"""Legends, and the joint name of a friction curve that is drawn outside a report, where it has no caption."""
 
 from __future__ import annotations
 
@@ -64,6 +64,34 @@ def curve_legend(
         labelspacing=0.35,
     )
     legend.set_zorder(9)
+
+
+def corner_legend(
+    figure: Any, handles: list[Any], labels: list[str], corner: tuple[float, float], place: str, color: str
+) -> None:
+    """Write a legend in one line and without a frame at a corner of a figure, above its pictures.
+
+    Args:
+        figure: of matplotlib.
+        handles: what is named.
+        labels: their words.
+        corner: of the figure, shares of its width and height [-].
+        place: part of the legend that lies there, such as `upper right`.
+        color: of the words.
+    """
+    figure.legend(
+        handles,
+        labels,
+        loc=place,
+        bbox_to_anchor=corner,
+        ncols=len(handles),
+        frameon=False,
+        labelcolor=color,
+        fontsize=canvas.FONT_SIZE - 1.5,
+        handlelength=1.6,
+        borderpad=0,
+        borderaxespad=0,
+    )
 
 
 def joint_title(figure: Any, theme: Theme, name: str, x: float, y: float) -> None:

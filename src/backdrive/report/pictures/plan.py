@@ -12,12 +12,15 @@ from backdrive.plans import ArmPlan, ConstantVelocity, InTurn, Sweep
 from backdrive.plans.base import torque_unit
 from backdrive.plans.limits import JointLimits
 from backdrive.plans.stroke import SHARE
-from backdrive.report.pictures import canvas
+from backdrive.report.pictures import canvas, sizes
 from backdrive.report.pictures.canvas import Theme
+from backdrive.report.pictures.legend import corner_legend
 
 WIDTH, PANEL, GAP = 640.0, 118.0, 34.0  # [pt]
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 14.0, 44.0, 40.0  # [pt]
-_POINTS = 6000  # per curve
+_POINTS = 6000  # per curve, of which those are drawn that show its shape
+_COLUMNS = 500  # over the width of a picture; a denser curve shows the extremes of each
+_FEWEST = 50  # columns of one joint among several
 _SHADE = 0.14  # opacity of the windows [-]
 _NAMES = {
     "position": "position q",
@@ -110,7 +113,8 @@ def _arm_figure(plan: ArmPlan, limits: Mapping[str, JointLimits], theme: Theme) 
             axes = canvas.axes_of(figure, theme, (_LEFT, bottom, WIDTH - _LEFT - _RIGHT, tall))
             for begin, end in plan.windows():
                 axes.axvspan(begin, end, facecolor=theme.band, alpha=_SHADE, linewidth=0, zorder=0)
-            axes.plot(t, position[:, j], color=theme.ink, linewidth=1.2, zorder=3)
+            pick = _outline(t, position[:, j], plan.duration, tall)
+            axes.plot(t[pick], position[pick, j], color=theme.ink, linewidth=1.2, zorder=3)
             _draw_limits(axes, theme, (plan.plan_of(name),), "position", limits)
             canvas.name_axes(axes, theme, x="time [s]" if j == J - 1 else "", y="")
             axes.set_xlim(plan.start - 0.01 * plan.duration, plan.start + 1.01 * plan.duration)
@@ -154,18 +158,7 @@ def _key(figure: Any, theme: Theme, corner: tuple[float, float], shaded: str) ->
         for line in axes.get_lines():
             if not line.get_label().startswith("_"):
                 named.setdefault(line.get_label(), line)
-    figure.legend(
-        list(named.values()),
-        list(named),
-        loc="center right",
-        bbox_to_anchor=corner,
-        ncols=len(named),
-        frameon=False,
-        labelcolor=theme.muted,
-        fontsize=canvas.FONT_SIZE - 1.5,
-        borderpad=0,
-        borderaxespad=0,
-    )
+    corner_legend(figure, list(named.values()), list(named), corner, "center right", theme.muted)
 
 
 def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: str) -> None:
@@ -173,22 +166,16 @@ def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: st
     for one in single:
         t = one.start + np.linspace(0.0, one.duration, _POINTS)
         t = np.unique(np.concatenate([t, one.windows().ravel()]))
-        y = getattr(one, panel)(t)
-        windows = one.windows()
+        y, windows = getattr(one, panel)(t), one.windows()
+        taken = _samples(one, t, y) if panel == "velocity" else None
+        pick = _drawn(t, y, plan.duration, taken)
+        t, y, taken = t[pick], y[pick], None if taken is None else taken[pick]
         for begin, end in windows[::2]:
             axes.axvspan(begin, end, facecolor=theme.band, alpha=_SHADE, linewidth=0, zorder=0)
         axes.plot(t, y, color=theme.ink if panel != "acceleration" else theme.muted, linewidth=1.2, zorder=3)
-        if panel == "velocity":
-            taken = _samples(one, t, y)
-            if taken is not None:
-                axes.plot(
-                    t,
-                    np.where(taken, y, np.nan),
-                    color=theme.fitted,
-                    linewidth=2.6,
-                    zorder=4,
-                    label="samples taken",
-                )
+        if taken is not None:
+            used = np.where(taken, y, np.nan)
+            axes.plot(t, used, color=theme.fitted, linewidth=2.6, zorder=4, label="samples taken")
         if top and len(single) > 1:
             axes.annotate(
                 one.joint,
@@ -203,6 +190,19 @@ def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: st
     low, high = axes.get_ylim()
     pad = 0.04 * (high - low)
     axes.set_ylim(low - pad, high + pad)
+
+
+def _outline(t: np.ndarray, y: np.ndarray, duration: float, tall: float = PANEL) -> np.ndarray:
+    """Return indices of the points of a curve y(t) that are drawn in a panel over a duration [s] and so tall [pt]."""
+    wide = (WIDTH - _LEFT - _RIGHT) / duration
+    columns = max(round(_COLUMNS * float(t[-1] - t[0]) / duration), _FEWEST)
+    return sizes.outline(wide * t, tall / max(float(np.ptp(y)), 1e-300) * y, columns)
+
+
+def _drawn(t: np.ndarray, y: np.ndarray, duration: float, taken: np.ndarray | None) -> np.ndarray:
+    """Return the same with the ends of the samples that are marked, (n,), if there are any."""
+    edges = np.empty(0, dtype=np.intp) if taken is None else np.flatnonzero(np.diff(taken.astype(int)))
+    return np.union1d(_outline(t, y, duration), np.concatenate([edges, edges + 1]))
 
 
 def _samples(plan: Any, t: np.ndarray, v: np.ndarray) -> np.ndarray | None:

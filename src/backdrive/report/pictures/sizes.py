@@ -62,3 +62,31 @@ def extremes(x: np.ndarray, bins: int) -> np.ndarray:
         part = plain[a:b]
         picked += [a + int(part.argmin()), a + int(part.argmax())]
     return np.unique(np.array(picked, dtype=np.intp))
+
+
+def outline(x: np.ndarray, y: np.ndarray, most: int, off: float = 0.15) -> np.ndarray:
+    """Return sorted indices of the points through which straight lines show a smooth curve, its turning points among them.
+
+    Where the line through two points departs too far, its farthest point is added (Ramer 1972; Douglas and Peucker 1973).
+
+    Args:
+        x: abscissae, rising [pt], (n,).
+        y: ordinates [pt], (n,).
+        most: number of columns; a curve that needs more than two points a column is drawn by its `extremes`.
+        off: largest distance of the line from the curve [pt].
+    """
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(y))) != 0) + 1
+    kept = {0, x.size - 1, *turns.tolist()}
+    ends = sorted(kept)
+    open_ = list(zip(ends, ends[1:], strict=False))
+    while open_ and len(kept) <= 2 * most:
+        a, b = open_.pop()
+        if b - a < 2:
+            continue
+        rise = (y[b] - y[a]) / (x[b] - x[a]) if x[b] > x[a] else 0.0
+        away = np.abs(y[a : b + 1] - y[a] - rise * (x[a : b + 1] - x[a])) / np.hypot(1.0, rise)
+        middle = a + int(away.argmax())
+        if away[middle - a] > off:
+            kept.add(middle)
+            open_ += [(a, middle), (middle, b)]
+    return extremes(y, most) if open_ else np.array(sorted(kept), dtype=np.intp)
