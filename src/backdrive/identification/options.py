@@ -29,7 +29,7 @@ from backdrive.identification.alignment import Start, with_plan
 from backdrive.identification.timing import Timing
 from backdrive.laws import Law
 from backdrive.logs.log import Drive, Log
-from backdrive.model import FrictionModel
+from backdrive.model import FrictionModel, Prior
 from backdrive.plans import plan_to_dict
 
 SLOW = 50.0  # sampling rate below which a result is suspect [Hz]
@@ -46,6 +46,7 @@ APPLIES: dict[str, tuple[str, ...]] = {
     "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"),
     "urdf": ("arm",),
     "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm", "dynamic"),
+    "prior": ("sweep", "constant-velocity", "motion", "dynamic"),
     **dict.fromkeys(("delay", "bounds", "known", "drive", "loss", "interval", "step", "seed"), ("dynamic",)),
 }
 
@@ -93,6 +94,7 @@ class Options:
     cutoff: float | None = None
     step: float | None = None
     seed: int = 0
+    prior: tuple[Prior, ...] = ()
     literal: bool = False
     timing: Timing | None = None
     payloads: Sequence[tuple[float, float]] | None = None
@@ -164,6 +166,8 @@ class Options:
                 options[name] = [list(x) if isinstance(x, tuple) else x for x in options[name]]
         if self.bounds:
             options["bounds"] = {n: [float(x) for x in r[:2]] for n, r in self.bounds.items()}
+        if self.prior:
+            options["prior"] = [prior.source for prior in self.prior]
         if self.known:
             options["known"] = {n: float(x) for n, x in self.known.items()}
         if self.drive is not None:

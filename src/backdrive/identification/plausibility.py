@@ -34,6 +34,7 @@ RULES: tuple[Rule, ...] = (
     numbers.directions,
     numbers.delay_range,
     beside.plan,
+    beside.siblings,
     residual.delay,
     residual.structure,
     numbers.break_away,
