@@ -7,14 +7,16 @@ from collections import Counter
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
+from backdrive.fleet.history import histories
 from backdrive.fleet.merging import EARLIEST, copies
+from backdrive.fleet.silence import silent_joints
 from backdrive.fleet.store import Store
 
 LISTED = 5  # names in a sentence
 
 
 def status(folder: str | os.PathLike) -> dict[str, Any]:
-    """Return counts, failures by kind with an example of each, and remarks.
+    """Return counts, failures by kind with an example of each, joints without recent results, and remarks.
 
     Args:
         folder: of the results.
@@ -58,6 +60,7 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
         "failed": failures.num_rows,
         "copies": [list(pair) for pair in same],
         "names": dict(store.names),
+        "silent": silent_joints(histories(results), failures, results),
         "failures": [
             {"kind": kind, "logs": n, **{k: example[kind][k] for k in ("path", "message", "remedy")}}
             for kind, n in kinds.most_common()
