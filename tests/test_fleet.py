@@ -150,6 +150,7 @@ def test_copies_count_once_and_a_renamed_robot_keeps_its_history(logs, tmp_path,
     assert outcome.sentences == ("Robot 'robot001' is called 'cell7' now: its logs are the same.",)
     robots = Store.open(place).table().column("robot").to_pylist()
     assert robots.count("cell7") == 4
+    assert len(status(place)["copies"]) == 1  # those of the former name are none
     assert "robot001" not in robots
 
 

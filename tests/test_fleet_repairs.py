@@ -191,7 +191,7 @@ def test_a_port_that_is_no_scheduler_is_told():
     threading.Thread(target=answer, daemon=True).start()
     address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
     with (
-        pytest.raises(InvalidInput, match="No scheduler answers"),
+        pytest.raises(InvalidInput, match="No scheduler answers at .*what answers is another program"),
         clusters.remote_client(address, clusters.Credentials()),
     ):
         pass

@@ -40,9 +40,8 @@ def trend(
     known = {one.name: one for one in joints}
     if joint not in known:
         near = sorted(name for name in known if joint.lower() in name.lower())[:5] or sorted(known)[:5]
-        raise InvalidInput(
-            f"There is no joint '{joint}' in {output}.", remedy=f"There are: {', '.join(near)} ..."
-        )
+        there = f"There are: {', '.join(near)} ..." if near else "It holds no results."
+        raise InvalidInput(f"There is no joint '{joint}' in {output}.", remedy=there)
     from backdrive.fleet.drift import drifts
 
     drift = next(one for one in drifts(joints) if one.history.name == joint)

@@ -25,7 +25,11 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
         BackdriveError: there are none, or of a newer schema.
     """
     store = Store.open(folder)
-    results, failures, raw = store.table(), store.table(failures=True), store.raw(["digest", "path", "day"])
+    results, failures, raw = (
+        store.table(),
+        store.table(failures=True),
+        store.raw(["digest", "path", "day", "robot"]),
+    )
     robots, logs = set(results.column("robot").to_pylist()), len(set(results.column("path").to_pylist()))
     joints = set(zip(results.column("robot").to_pylist(), results.column("joint").to_pylist(), strict=True))
     days = [d for d in results.column("day").to_pylist() if d is not None]
@@ -33,7 +37,7 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
     example = {}
     for row in failures.select(["failure", "path", "message", "remedy", "robot"]).to_pylist():
         example.setdefault(row["failure"], row)
-    same = copies(raw)
+    same = copies(raw, store.names)
     wrong = odd_days(results)
     grades = Counter(results.column("grade").to_pylist())
     sentences = [
@@ -46,7 +50,12 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
     sentences += [f"{failures.num_rows} logs failed."] if failures.num_rows else []
     if same:
         pairs = "; ".join(f"{copy} as {first}" for first, copy in same[:LISTED])
-        sentences.append(f"{len(same)} logs are copies of others and count once: {pairs}.")
+        are = (
+            "1 log is a copy of another and counts"
+            if len(same) == 1
+            else f"{len(same)} logs are copies of others and count"
+        )
+        sentences.append(f"{are} once: {pairs}.")
     if wrong:
         names = "; ".join(f"{robot} on {day}" for robot, day in wrong[:LISTED])
         sentences.append(
