@@ -109,6 +109,29 @@ def test_the_distance_has_heavier_tails_with_few_robots():
     assert five.p == pytest.approx(0.101, rel=0.01)  # of |t| > 3 / sqrt 2 with 4 degrees of freedom
 
 
+@pytest.mark.parametrize("robots", [4, 6, 12, 40])
+def test_intervals_hold_with_few_robots(robots):
+    random = np.random.default_rng(robots)
+    C, eye = np.array([[0.012, -0.005], [-0.005, 0.01]]), np.eye(2)
+    held, errors, p = [], [], []
+    for _ in range(2000):
+        drawn = random.multivariate_normal(np.zeros(2), BETWEEN, robots)
+        truth, log = (
+            random.multivariate_normal(np.zeros(2), BETWEEN),
+            random.multivariate_normal(np.zeros(2), C),
+        )
+        S = np.cov(drawn.T) * (1.0 + 1.0 / robots)
+        update = conjugate(truth + log, C, eye, truth + log, drawn.mean(axis=0), S, robots)
+        error = update.mean - truth
+        held.append(np.abs(error) < 1.96 * np.sqrt(np.diag(update.covariance)))
+        errors.append((error, log))
+        p.append(update.p)
+    assert 0.92 < np.mean(held) < 0.97
+    rms = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert np.all(rms[0] < rms[1])
+    assert np.mean(np.array(p) < 0.01) < 0.015
+
+
 def test_a_log_and_its_population_are_combined_and_both_are_stated(log, alone, tmp_path):
     result = identify(log, prior=population())
     friction, before = result.model.joint("j1"), alone.model.joint("j1")
@@ -123,7 +146,7 @@ def test_a_log_and_its_population_are_combined_and_both_are_stated(log, alone, t
     own = [before.covariance.names.index(row) for row in rows]
     C = A @ before.covariance.array()[np.ix_(own, own)] @ A.T
     m = np.array([3.0, 2.0])
-    S = (BETWEEN * (1 + 1 / 40) + WITHIN) * np.outer(m, m)
+    S = (BETWEEN * (1 + 1 / 40) + WITHIN) * np.outer(m, m) * (39 / 36)  # of 40 robots
     P = np.linalg.inv(C) + np.linalg.inv(S)
     both = np.linalg.solve(P, np.linalg.solve(C, A @ values(before)) + np.linalg.solve(S, m))
     np.testing.assert_allclose(A @ values(friction), both, rtol=1e-6)

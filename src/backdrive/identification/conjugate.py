@@ -16,6 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+FEWEST = 0.5  # least n - k - 2 that is taken
+
 
 @dataclass(frozen=True, kw_only=True)
 class Update:
@@ -47,7 +49,9 @@ def conjugate(
 ) -> Update:
     """Return the combination of an estimate with a prior, as given at the top of this module.
 
-    With a covariance from few robots, the distance is Hotelling's: its tails are those of the F distribution.
+    With a covariance from n robots, the distance is Hotelling's: its tails are those of the F distribution. In the combination S is
+    then multiplied by (n - 1) / (n - k - 2), so that its inverse has the right mean (inverse Wishart); few robots would otherwise
+    seem too much alike.
 
     Args:
         theta: estimate, (m,).
@@ -60,16 +64,16 @@ def conjugate(
     """
     from scipy.special import chdtrc, fdtrc
 
-    G = H @ C @ H.T + S
-    scale = np.sqrt(np.maximum(np.diag(G), 1e-300))  # numbers of different units
-    values, vectors = np.linalg.eigh(G / np.outer(scale, scale))
-    kept = values > 1e-12 * values.max()
-    root = (vectors[:, kept] / np.sqrt(values[kept])).T / scale  # root' root = G^-1
-    k = int(kept.sum())
+    own = H @ C @ H.T
+    root = _inverse_root(own + S)
+    k = len(root)
+    squared = float(np.sum((root @ (m - h)) ** 2))
+    if robots is not None:
+        S = S * (1.0 + (k + 1.0) / max(robots - k - 2.0, FEWEST))
+        root = _inverse_root(own + S)
     K = C @ H.T @ root.T @ root
     rest = np.eye(theta.size) - K @ H
     after = rest @ C @ rest.T + K @ S @ K.T
-    squared = float(np.sum((root @ (m - h)) ** 2))
     if robots is None or robots <= k:
         p = float(chdtrc(k, squared))
     else:
@@ -81,3 +85,11 @@ def conjugate(
         degrees=k,
         p=p,
     )
+
+
+def _inverse_root(G: np.ndarray) -> np.ndarray:
+    """Return a matrix whose square is the (pseudo-)inverse of a covariance: R' R = G^-1, (rank, k)."""
+    scale = np.sqrt(np.maximum(np.diag(G), 1e-300))  # numbers of different units
+    values, vectors = np.linalg.eigh(G / np.outer(scale, scale))
+    kept = values > 1e-12 * values.max()
+    return (vectors[:, kept] / np.sqrt(values[kept])).T / scale
