@@ -13,6 +13,8 @@ from _commands import called
 from backdrive.errors import BackdriveError, InvalidInput, ModelFileError, ReadError
 from backdrive.fleet import cluster as clusters
 from backdrive.fleet import schema
+from backdrive.fleet.batches import WORK, work_of
+from backdrive.fleet.entries import LogEntry
 from backdrive.fleet.run import cut, run_fleet
 from backdrive.fleet.simulation import Event, FleetSimulation
 from backdrive.fleet.sources import list_logs
@@ -148,6 +150,7 @@ def test_copies_count_once_and_a_renamed_robot_keeps_its_history(logs, tmp_path,
     assert outcome.sentences == ("Robot 'robot001' is called 'cell7' now: its logs are the same.",)
     robots = Store.open(place).table().column("robot").to_pylist()
     assert robots.count("cell7") == 4
+    assert len(status(place)["copies"]) == 1  # those of the former name are none
     assert "robot001" not in robots
 
 
@@ -196,6 +199,21 @@ def test_batches_depend_on_the_logs_alone(logs):
     assert [b.name for b in batches] == [b.name for b in cut(entries, "tag", 3)]
     assert all(len({e.day.month for e in b.entries}) == 1 for b in batches)
     assert sorted(e.path for b in batches for e in b.entries) == [e.path for e in entries]
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "logs"),
+    [("a.npz", 26_568, 24), ("a.npz", 640_968, 15), ("a.csv", 2_020_510, 13), ("a.npz", 50_000_000, 1), ("a.npz", 0, 24)],
+)  # fmt: skip
+def test_batches_are_of_about_equal_work(name, size, logs):
+    def entry(i):
+        return LogEntry(f"/l/{i:03d}/{name}", size, f"{size}:{i}", "r", "", date(2026, 3, 1))
+
+    batches = list(cut([entry(i) for i in range(100)], "tag"))
+    assert {len(b.entries) for b in batches[:-1]} == {logs}
+    assert sum(len(b.entries) for b in batches) == 100
+    assert max(sum(map(work_of, b.entries)) for b in batches) <= max(WORK, work_of(entry(0))) + 1e-9
+    assert max(len(b.entries) for b in cut([entry(i) for i in range(100)], "tag", 7)) <= 7
 
 
 def test_a_full_disk_stops_the_run(logs, tmp_path, here, monkeypatch):

@@ -2,6 +2,7 @@
 
 import contextlib
 import hashlib
+import json
 import signal
 import threading
 from datetime import date
@@ -20,6 +21,7 @@ from backdrive.fleet.renames import record_renames
 from backdrive.fleet.run import run_fleet
 from backdrive.fleet.silence import silent_joints
 from backdrive.fleet.simulation import FleetSimulation
+from backdrive.fleet.status import status
 from backdrive.fleet.store import Store
 from backdrive.fleet.tally import Tally
 from test_fleet import Client, Completed
@@ -36,7 +38,8 @@ def logs(tmp_path, monkeypatch):
         with open(entry.place, "rb") as stream:
             digest = hashlib.sha256(stream.read()).hexdigest()
         return [
-            work._about(entry, digest) | {"joint": "j1", "constant": 1.0, "viscous": 1.0, "grade": "good"}
+            work._about(entry, digest)
+            | {"joint": "j1", "constant": 1.0, "viscous": 1.0, "top_speed": 1.0, "grade": "good"}
         ]
 
     monkeypatch.setattr(work, "do_log", row)
@@ -188,7 +191,7 @@ def test_a_port_that_is_no_scheduler_is_told():
     threading.Thread(target=answer, daemon=True).start()
     address = f"tcp://127.0.0.1:{server.getsockname()[1]}"
     with (
-        pytest.raises(InvalidInput, match="No scheduler answers"),
+        pytest.raises(InvalidInput, match="No scheduler answers at .*what answers is another program"),
         clusters.remote_client(address, clusters.Credentials()),
     ):
         pass
@@ -236,6 +239,54 @@ def test_joints_without_results_now_are_told():
     assert list(silent) == ["b/j1", "c/j1"]
     assert silent["b/j1"] == "no result since 2026-01-11: 2 later logs failed (IncompleteFile)"
     assert silent["c/j1"].endswith("no later logs")
+
+
+def test_silent_joints_are_counted_by_status_and_named_by_drifted(logs, tmp_path, monkeypatch):
+    for day in range(8, 20):  # b stops on the 7th, c has damaged logs from the 8th on
+        (logs / "a" / f"2026-01-{day:02d}.npz").write_bytes(f"a{day}".encode())
+        (logs / "c").mkdir(exist_ok=True)
+        (logs / "c" / f"2026-01-{day:02d}-bad.npz").write_bytes(b"c")
+    (logs / "c" / "2026-01-06.npz").write_bytes(b"c6")
+    place = tmp_path / "r"
+    run_fleet(logs, place)
+    told = called("fleet", "status", "-o", place)
+    assert (
+        f"2 joints have no recent result, while others have: backdrive fleet drifted -o {place} names them."
+        in told.stdout
+    )
+    told = called("fleet", "drifted", "-o", place)
+    assert told.returncode == 0
+    assert "b/j1: no result since 2026-01-07: no later logs" in told.stdout
+    assert "c/j1: no result since 2026-01-06: 12 later logs failed (ReadError)" in told.stdout
+    assert "a/j1" not in told.stdout
+    document = json.loads(called("fleet", "drifted", "-o", place, "--json").stdout)
+    assert [(one["joint"], one["last"]) for one in document["silent"]] == [
+        ("b/j1", "2026-01-07"),
+        ("c/j1", "2026-01-06"),
+    ]
+    assert list(json.loads(called("fleet", "status", "-o", place, "--json").stdout)["silent"]) == [
+        "b/j1",
+        "c/j1",
+    ]
+    called("fleet", "page", "-o", place, "--page", tmp_path / "f.html")
+    assert "2 joints have no result of the last days" in (tmp_path / "f.html").read_text()
+
+
+def test_poor_results_are_told_from_absent_logs(logs, tmp_path, monkeypatch):
+    whole = work.do_log
+
+    def poor(entry, options):
+        grade = {"grade": "poor"} if entry.robot == "b" and entry.day.day > 7 else {}
+        return [row | grade for row in whole(entry, options)]
+
+    monkeypatch.setattr(work, "do_log", poor)
+    for robot in ("a", "b"):
+        for day in range(8, 20):
+            (logs / robot / f"2026-01-{day:02d}.npz").write_bytes(f"{robot}{day}".encode())
+    run_fleet(logs, tmp_path / "r")
+    assert status(tmp_path / "r")["silent"] == {
+        "b/j1": "no result since 2026-01-07: 12 later results are poor"
+    }
 
 
 def test_logs_of_the_generator_hold_a_temperature_for_each_joint(tmp_path):

@@ -5,6 +5,7 @@ from datetime import date
 
 import pytest
 
+from backdrive.errors import InvalidInput
 from backdrive.fleet import manifests
 from backdrive.fleet.entries import LogEntry, printable
 from backdrive.fleet.sources import list_logs
@@ -91,6 +92,20 @@ def test_a_folder_that_cannot_be_read_is_told(logs, monkeypatch):
     remarks = []
     assert [entry.robot for entry in list_logs(logs, remarks=remarks)] == ["a"]
     assert remarks == [f"The folder {logs}/b cannot be read (Permission denied): its logs are left out."]
+
+
+def test_a_broken_link_is_a_failure(logs):
+    (logs / "b" / "2026-03-01.npz").symlink_to(logs / "nowhere.npz")
+    (broken,) = [entry for entry in list_logs(logs) if entry.fault]
+    assert broken.robot == "b"
+    assert "No such file" in broken.fault
+
+
+@pytest.mark.parametrize("head", ["file,robot", "robot;logfile;day", "filename,type,robot"])
+def test_a_manifest_that_calls_the_path_otherwise_is_told(tmp_path, head):
+    (tmp_path / "m.csv").write_text(f"{head}\na,b\n")
+    with pytest.raises(InvalidInput, match="unknown columns (file|logfile|filename)"):
+        list_logs(tmp_path / "m.csv")
 
 
 def test_results_within_the_source_are_no_logs(logs):

@@ -9,7 +9,7 @@ from _synthetic import any_motion, constant_runs
 from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
 from backdrive.identification import validate
-from backdrive.identification.options import attach_plan
+from backdrive.identification.log_set import attach_plan
 from backdrive.logs.log import Source
 from backdrive.logs.readers import read_log
 from backdrive.plans import InTurn, Sweep

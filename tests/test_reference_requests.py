@@ -10,9 +10,7 @@ from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput, NotIdentifiable, UnhealthyLog, UnknownName
 from backdrive.identification import validate
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
-from backdrive.identification.options import (
-    APPLIES,
-    Options,
+from backdrive.identification.log_set import (
     apart,
     attach_plan,
     external_torque_notes,
@@ -20,11 +18,12 @@ from backdrive.identification.options import (
     move_together,
     slow_clock,
 )
+from backdrive.identification.options import APPLIES, Options
 from backdrive.identification.repairs import healthy
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.laws import CoulombViscous, Law
 from backdrive.logs.log import Drive, Source
-from backdrive.model import Estimate, FrictionModel, JointFriction, Quality, Validity
+from backdrive.model import Estimate, FrictionModel, JointFriction, Prior, Quality, Validity
 from backdrive.plans import ConstantVelocity, InTurn, Multisine, Sweep, TorqueRamp, plan_to_dict
 
 LINE = CoulombViscous(coulomb_positive=5.0, coulomb_negative=4.0, viscous_positive=1.0, viscous_negative=2.0)
@@ -84,11 +83,17 @@ FOR = {
     "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"), "urdf": ("arm",), "delay": ("dynamic",),
     "bounds": ("dynamic",), "known": ("dynamic",), "drive": ("dynamic",), "loss": ("dynamic",), "interval": ("dynamic",),
     "step": ("dynamic",), "seed": ("dynamic",), "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm", "dynamic"),
+    "prior": ("sweep", "constant-velocity", "motion", "dynamic"),
 }  # fmt: skip
+PRIOR = Prior(
+    joint="a", unit="rad", source="siblings", names=("friction",), units=("N.m",), velocity=np.ones(1), weights=np.eye(1),
+    mean=np.ones(1), covariance=np.eye(1),
+)  # fmt: skip
 SET = {
     "law": "polyline", "gravity": True, "literal": True, "timing": "sample", "payloads": [(1.0, 2.0)], "cutoff": 9.0,
     "joints": ["a"], "urdf": "r.urdf", "delay": False, "bounds": {"inertia": (1.0, 2.0)}, "known": {"inertia": 1.0},
     "drive": Drive(law="torque"), "loss": "linear", "interval": "profile", "step": 1e-3, "seed": 3, "symmetric": True,
+    "prior": (PRIOR,),
 }  # fmt: skip
 
 

@@ -11,11 +11,17 @@ import math
 import os
 import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
 from _common import Judge, parser
 from _fleet_processes import Use, fleet
+
+from backdrive.fleet.batches import cut
+from backdrive.fleet.sources import list_logs
+from backdrive.fleet.store import Store
+from backdrive.fleet.work import do_batch, do_log
 
 SECONDS, RATE, ROBOTS = 20.0, 1000.0, 100
 
@@ -49,6 +55,21 @@ def digest(folder: Path) -> str:
     return whole.hexdigest()
 
 
+def batch_times(place: Path) -> None:
+    """Print how long the first batch of short and of long logs takes in one process, reading included."""
+    for samples in (800, 20_000):
+        write_logs(place / f"b{samples}", ROBOTS, samples)
+        batch = next(cut(list_logs(place / f"b{samples}"), "tag"))
+        store = Store.open(place / f"s{samples}", make=True)
+        do_log(batch.entries[0], {})  # compiled kernels, started reader
+        begun, wall = time.process_time(), time.perf_counter()
+        do_batch(batch, {}, str(store.folder))
+        print(
+            f"  a batch of logs of {samples} samples is {len(batch.entries)} logs: {time.perf_counter() - wall:.1f} s, "
+            f"{time.process_time() - begun:.1f} s of processor without its reader, load {os.getloadavg()[0]:.1f}"
+        )
+
+
 def tell(name: str, use: Use, logs: int, idle: float) -> float:
     """Print what a run used; return the processor's milliseconds a log, starting included."""
     each = 1e3 * use.processor / logs
@@ -78,6 +99,7 @@ def main() -> None:
         fleet(place / "one", "-o", place / "first", "--workers", 1)  # fills the cache of compiled kernels
         idle = fleet(place / "one", "-o", place / "second", "--workers", 2).processor
         print(f"starting and ending costs {idle:.1f} s of processor")
+        batch_times(place)
         costs = []
         for size in sizes:
             logs = place / f"logs{size}"

@@ -13,7 +13,7 @@ from pathlib import Path
 from _common import Judge, parser
 from fleet import write_logs
 
-from backdrive.fleet.batches import BYTES
+from backdrive.fleet.batches import EACH, PER_BYTE, WORK
 from backdrive.fleet.cluster import ENVIRONMENT, local_client
 from backdrive.fleet.sources import list_logs
 from backdrive.fleet.store import Store, write_rows
@@ -67,7 +67,7 @@ def main() -> None:
         store.table()
         read = (time.process_time() - begun) / len(many)
     task, held = scheduler(300 if given.short else 3000)
-    batch = max(int(BYTES / size), 1)
+    batch = max(int(WORK / (EACH + PER_BYTE * size)), 1)
     print(
         f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors; unit costs of one joint's log, 20 s at 1 kHz:"
     )

@@ -41,9 +41,8 @@ def trend(
     known = {one.name: one for one in joints}
     if joint not in known:
         near = sorted(name for name in known if joint.lower() in name.lower())[:5] or sorted(known)[:5]
-        raise InvalidInput(
-            f"There is no joint '{joint}' in {output}.", remedy=f"There are: {', '.join(near)} ..."
-        )
+        there = f"There are: {', '.join(near)} ..." if near else "It holds no results."
+        raise InvalidInput(f"There is no joint '{joint}' in {output}.", remedy=there)
     from backdrive.fleet.drift import drifts
 
     drift = next(one for one in drifts(joints) if one.history.name == joint)
@@ -75,15 +74,17 @@ def drift(
     rate: Rate = 0.05,
     as_json: _logs.AsJson = False,
 ) -> None:
-    """Name the joints whose friction has changed, the largest change first, and robots unlike their siblings.
+    """Name the joints whose friction has changed, the largest change first, robots unlike their siblings, and silent joints.
 
-    The expected share of false alarms among the joints named is at most --rate (Benjamini & Hochberg). Exits with 1 if it
-    names a joint.
+    Silent joints have no result of the last days, while others have; the date is that of the last one. The expected share of
+    false alarms among the changed joints is at most --rate (Benjamini & Hochberg). Exits with 1 if a joint has changed or is
+    unlike its siblings.
 
     Example: backdrive fleet drifted --since 2026-03-01 -o results/
     """
     first = _date(since, "--since") if since else None
     every, apart = _judge(output, rate, first)
+    silent = _silent(output, every)
     named = sorted((one for one in every if one.named), key=lambda one: -abs(one.size))
     tested = sum(isfinite(one.p) for one in every)
     if as_json:
@@ -94,6 +95,15 @@ def drift(
                 "joints": len(every),
                 "drifted": [_drift_row(one) for one in named],
                 "unlike_siblings": [one.__dict__ | {"sentence": one.sentence} for one in apart],
+                "silent": [
+                    {
+                        "joint": one.history.name,
+                        "last": str(one.history.dates()[-1]),
+                        "sentence": silent[one.history.name],
+                    }
+                    for one in every
+                    if one.history.name in silent
+                ],
             }
         )
     else:
@@ -116,6 +126,8 @@ def drift(
             console.print(rows)
         for one in apart:
             console.print(f"{one.robot}/{one.joint}: {one.sentence}", soft_wrap=True)
+        for name, sentence in silent.items():
+            console.print(f"{name}: {sentence}", soft_wrap=True)
     if named or apart:
         raise typer.Exit(1)
 
@@ -194,22 +206,20 @@ def page(
     Example: backdrive fleet page -o results/ --page fleet.html
     """
     from backdrive.fleet.page import write_page
-    from backdrive.fleet.silence import silent_joints
     from backdrive.fleet.status import status
-    from backdrive.fleet.store import Store
 
     check_targets([target], [], pages=[target])
     with progress() as say:
         say("Judging the joints")
         every, apart = _judge(output, rate, None)
-        silent = silent_joints([one.history for one in every], Store.open(output).table(failures=True))
+        summary = status(output)
         links = _reports(output, target, every, reports, say)
         write_page(
             target,
             every,
             apart,
-            silent=silent,
-            sentences=status(output)["sentences"],
+            silent=summary["silent"],
+            sentences=summary["sentences"],
             reports=links,
             title=f"Fleet {output.name}",
         )
@@ -269,6 +279,14 @@ def _judge(output: Path, rate: float, since: date | None) -> tuple[list[Drift], 
 
     joints = _histories(output)
     return drifts(joints, rate=rate, since=since), outliers(joints, rate=rate)
+
+
+def _silent(output: Path, every: list[Drift]) -> dict[str, str]:
+    from backdrive.fleet.silence import silent_joints
+    from backdrive.fleet.store import Store
+
+    store = Store.open(output)
+    return silent_joints([one.history for one in every], store.table(failures=True), store.table())
 
 
 def _date(text: str, option: str) -> date:

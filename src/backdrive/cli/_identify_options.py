@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from math import isfinite, nan
+from pathlib import Path
+from typing import Any
 
 from backdrive._catalog import lookup
 from backdrive.cli._joint_options import numbers_by_name
@@ -18,6 +20,35 @@ def timing(word: str | None) -> Timing | None:
         return None
     known: dict[str, Timing] = {"command": "command", "sample": "sample"}
     return lookup(word, known, "timing of the torque")
+
+
+def prior(path: Path | None, type: str | None) -> Any:
+    """Return the prior of a file: of a population's type, or a model.
+
+    Args:
+        path: of a population or a model file.
+        type: of the robot; None: the population's only one.
+
+    Raises:
+        ModelFileError: the file is neither.
+        InvalidInput: a type does not go with a model, or the population has several types and none is given.
+        UnknownName: the population has no such type.
+    """
+    if path is None:
+        if type is not None:
+            raise InvalidInput(f"--prior-type {type} without a prior.", remedy="Add --prior population.json.")
+        return None
+    from backdrive.fleet.population_file import Population, is_population
+    from backdrive.model import load_model
+
+    if is_population(path):
+        return Population.load(path).priors(type)
+    if type is not None:
+        raise InvalidInput(
+            f"--prior-type {type}: {path} is no population.",
+            remedy="Leave it out, or name a file of `backdrive fleet merge --population`.",
+        )
+    return load_model(path)
 
 
 def payloads(text: str | None) -> list[tuple[float, float]] | None:

@@ -142,7 +142,7 @@ def _shard(text: str) -> tuple[int, int]:
 
 
 def status(output: answers.Results, as_json: _logs.AsJson = False) -> None:
-    """Summarize the results: robots, logs, days, and the failed logs with their reasons.
+    """Summarize the results: robots, logs, days, joints without recent results, and the failed logs with their reasons.
 
     Example: backdrive fleet status -o results/
     """
@@ -155,6 +155,12 @@ def status(output: answers.Results, as_json: _logs.AsJson = False) -> None:
     console = new_console()
     for sentence in summary["sentences"]:
         console.print(sentence, soft_wrap=True)
+    if summary["silent"]:
+        console.print(
+            f"{len(summary['silent'])} joints have no recent result, while others have: backdrive fleet drifted -o {output} "
+            "names them.",
+            soft_wrap=True,
+        )
     if summary["failures"]:
         rows = table("logs", "failure", "for example", text=("failure", "for example"))
         for one in summary["failures"]:

@@ -121,6 +121,17 @@ def command(
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of a search's starting points.")] = 0,
+    prior: Annotated[
+        Path | None,
+        typer.Option(
+            "--prior",
+            help="What is known before the log: population.json of `backdrive fleet merge`, or a model file with errors. The "
+            "model combines both, unless they contradict each other (p < 0.01).",
+        ),
+    ] = None,
+    prior_type: Annotated[
+        str | None, typer.Option("--prior-type", help="Type of the robot, if the population has several.")
+    ] = None,
     gate: Annotated[
         float,
         typer.Option("--gate", help="Exit with 1 if a joint's residual on held-out data is above this [%]."),
@@ -135,6 +146,8 @@ def command(
 
     A law: backdrive identify DATA_EMPS.mat --map "t=t,q=qm,tau=35.15*vir" --unit m --law auto -o model.json
 
+    A robot of a fleet: backdrive identify log.csv --prior population.json -o model.json
+
     Without torque: backdrive identify log.csv --map u=goal --drive position,proportional=2000,derivative=60
     """
     from backdrive.cli import _identify_options as parse
@@ -143,7 +156,7 @@ def command(
 
     check_targets(
         [output],
-        [*logs, *(hold_out or []), *(plan or []), *reading.inputs, urdf],
+        [*logs, *(hold_out or []), *(plan or []), *reading.inputs, urdf, prior],
         drawn=[report],
         pages=[report],
     )
@@ -153,6 +166,7 @@ def command(
     plans, begin = _logs.plans_from(plan), _logs.start_from(start)
     ranges = parse.bounds(bound)
     controller = parse.drive(drive, ranges)
+    known_before = parse.prior(prior, prior_type)
     with progress(quiet=as_json) as say:
         say("Reading")
         read = reading.read(logs)
@@ -179,6 +193,7 @@ def command(
             cutoff=cutoff,
             step=step,
             seed=seed,
+            prior=known_before,
             accept=accept or [],
             repair=repair,
             progress=say,

@@ -145,8 +145,10 @@ def remote_client(address: str, credentials: Credentials, *, insecure: bool = Fa
     except (
         Exception
     ) as error:  # what answers may be anything: that of a web server is read as a length of 3 EiB
+        other = isinstance(error, (MemoryError, ValueError))
+        why = "what answers is another program" if other else str(error)[:200] or type(error).__name__
         raise InvalidInput(
-            f"No scheduler answers at {address} ({str(error)[:200] or type(error).__name__}).",
+            f"No scheduler answers at {address} ({why}).",
             remedy="Start `dask scheduler` there, or check address, certificates and network.",
         ) from error
     with client:

@@ -15,12 +15,13 @@ from backdrive.fleet.entries import LogEntry, entry_of, fault_of, local_entry
 
 #: Columns of a manifest; `path` must be there.
 COLUMNS = ("path", "robot", "type", "day")
+FILES = {"file", "filename", "file_name", "log", "logfile"}  # other names for `path`, which are refused
 SUFFIXES = (".csv", ".tsv", ".manifest")
 MOST = 4 << 30  # of a manifest [B]
 
 
 def is_manifest(path: str) -> bool:
-    """Return whether a table's header has a column `path`; a table without one is a log."""
+    """Return whether a table's header has a column `path`, or columns for robot and file; another table is a log."""
     suffix = Path(path).suffix.lower()
     if suffix not in SUFFIXES or suffix == ".manifest":
         return suffix in SUFFIXES and os.path.isfile(path)
@@ -29,7 +30,8 @@ def is_manifest(path: str) -> bool:
             head = stream.readline(10_000)
     except OSError:
         return False
-    return "path" in re.split(r"[,\t;\s]+", head.strip().lower().replace('"', ""))
+    names = re.split(r"[,\t;\s]+", head.strip().lower().replace('"', ""))
+    return "path" in names or ("robot" in names and not FILES.isdisjoint(names))
 
 
 def read_manifest(manifest: str) -> Iterator[LogEntry]:

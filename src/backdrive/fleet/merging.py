@@ -69,13 +69,22 @@ def is_early(table: pa.Table) -> Any:
     return pc.cast(pc.fill_null(early, True), pa.int8())
 
 
-def copies(table: pa.Table) -> list[tuple[str, str]]:
-    """Return pairs of paths whose files have the same content: the path that is used, and its copy."""
-    columns = [table.column("digest"), is_early(table), table.column("path")]
+def copies(table: pa.Table, names: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return pairs of paths whose files have the same content: the path that is used, and its copy.
+
+    The logs of a renamed robot are no copies of those under its former name.
+
+    Args:
+        table: rows of all batches.
+        names: former name of a robot -> its present one.
+    """
+    columns = [table.column("digest"), is_early(table), table.column("path"), table.column("robot")]
     rows = sorted(set(zip(*(column.to_pylist() for column in columns), strict=True)))
     first: dict[str, str] = {}
     result = []
-    for digest, _, path in rows:
+    for digest, _, path, robot in rows:
+        if robot in names:
+            continue
         if first.setdefault(digest, path) != path:
             result.append((first[digest], path))
     return result

@@ -110,24 +110,35 @@ def _at_one_temperature(group: Sequence[History]) -> list[np.ndarray]:
 
     If the temperature is known, they are converted to the group's median temperature with a common slope within robots.
     """
-    known = [np.isfinite(one.temperature) for one in group]
-    warm = np.concatenate([one.temperature[ok] for one, ok in zip(group, known, strict=True)])
-    middle = float(np.median(warm)) if warm.size else 0.0
+    result = _logarithms(group)
+    middle, slope = _warmth(group, result)
+    return [
+        y - np.where(np.isfinite(one.temperature), one.temperature - (middle or 0.0), 0.0)[:, None] * slope
+        for one, y in zip(group, result, strict=True)
+    ]
+
+
+def _logarithms(group: Sequence[History]) -> list[np.ndarray]:
+    """Return the logarithms of constant and viscous part of each robot and day, (n, 2); NaN where a part is not positive."""
     result = []
     for one in group:
         both = np.column_stack([one.constant, one.viscous])
         good = np.all(both > 0, axis=0)
         result.append(np.where(good, np.log(np.where(good, both, 1.0)), np.nan))
+    return result
+
+
+def _warmth(group: Sequence[History], logarithms: Sequence[np.ndarray]) -> tuple[float | None, np.ndarray]:
+    """Return the group's median temperature [degC], None if it is unknown, and the common slope within robots [1/degC], (2,)."""
+    known = [np.isfinite(one.temperature) for one in group]
+    warm = np.concatenate([one.temperature[ok] for one, ok in zip(group, known, strict=True)])
     products, squares = np.zeros(2), 0.0
-    for one, ok, y in zip(group, known, result, strict=True):
+    for one, ok, y in zip(group, known, logarithms, strict=True):
         if ok.sum() > 2:
             T = one.temperature[ok] - one.temperature[ok].mean()
             products, squares = products + np.nan_to_num(T @ y[ok]), squares + float(T @ T)
     slope = products / squares if squares > len(group) else np.zeros(2)
-    return [
-        y - np.where(ok, one.temperature - middle, 0.0)[:, None] * slope
-        for one, ok, y in zip(group, known, result, strict=True)
-    ]
+    return float(np.median(warm)) if warm.size else None, slope
 
 
 def _against_siblings(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -185,17 +196,20 @@ def merge(folder: str | os.PathLike) -> Population:
         mean = values[whole].mean(axis=0)
         total = np.cov(values[whole].T)
         between = _positive(total - within.mean(axis=0))
+        middle, slope = _warmth(kept, _logarithms(kept))
         members.append(
             Member(
                 type=kind,
                 joint=joint,
-                unit=kept[0].unit,
+                unit=kept[0].unit,  # type: ignore[arg-type]
                 robots=int(whole.sum()),
                 left_out=tuple(sorted(one.robot for one in group if (one.robot, one.joint) in apart)),
                 top_speed=float(np.median([one.speed for one in kept]) * 2.0),
                 mean=(float(mean[0]), float(mean[1])),
                 between=_pairs(between),
                 within=_pairs(np.mean(daily, axis=0)),
+                temperature=middle,
+                warmth=(float(slope[0]), float(slope[1])),
             )
         )
     if not members:

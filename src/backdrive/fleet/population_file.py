@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import msgspec
 import numpy as np
@@ -13,9 +13,10 @@ from backdrive._files import read_whole, write_whole
 from backdrive.errors import InvalidInput, ModelFileError, UnknownName
 
 if TYPE_CHECKING:
-    from backdrive.model import FrictionModel
+    from backdrive.model import FrictionModel, Prior
 
-FORMAT, SCHEMA = "backdrive-population", 1
+FORMAT, SCHEMA = "backdrive-population", 2
+OLDER = 1  # older schema, without temperatures: its fields all exist in the present one
 MOST = 256 << 20  # of a file [B]
 Pair = tuple[float, float]
 
@@ -33,17 +34,48 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         mean: of the logarithms of constant [N.m or N] and viscous part [N.m.s/rad or N.s/m].
         between: covariance of the logarithms from robot to robot, (2, 2).
         within: covariance of a robot's logarithms from day to day, (2, 2).
+        temperature: at which the mean holds [degC]; None: unknown.
+        warmth: change of the logarithms with temperature [1/degC].
     """
 
     type: str
     joint: str
-    unit: str
-    robots: int
+    unit: Literal["rad", "m"]
+    robots: Annotated[int, msgspec.Meta(ge=1)]
     left_out: tuple[str, ...]
-    top_speed: float
+    top_speed: Annotated[float, msgspec.Meta(gt=0)]
     mean: Pair
     between: tuple[Pair, Pair]
     within: tuple[Pair, Pair]
+    temperature: float | None = None
+    warmth: Pair = (0.0, 0.0)
+
+    def prior(self) -> Prior:
+        """Return what is known of a further robot before its first log: the mean robot, and the spread between robots and days.
+
+        The error of the mean is part of the spread. Beyond constant and viscous part, such as on the difference of both
+        directions, the population says nothing.
+        """
+        from backdrive.model.prior import Prior, both_ways
+
+        velocity, weights = both_ways(self.top_speed)
+        mean, force = np.exp(self.mean), {"rad": "N.m", "m": "N"}[self.unit]
+        spread = np.array(self.between) * (1.0 + 1.0 / self.robots) + np.array(self.within)
+        return Prior(
+            joint=self.joint,
+            unit=self.unit,
+            source=f"population of {self.robots} robots" + (f" of type {self.type}" if self.type else ""),
+            names=("constant", "viscous"),
+            units=(force, f"{force}.s/{self.unit}"),
+            velocity=velocity,
+            weights=weights,
+            mean=mean,
+            covariance=spread * np.outer(mean, mean),
+            robots=self.robots,
+            slopes=(False, True),
+            temperature=self.temperature,
+            warmth=self.warmth,
+        )
 
     def posterior(
         self, constant: float, viscous: float, covariance: np.ndarray
@@ -59,6 +91,8 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         Raises:
             InvalidInput: a number is not positive, or the covariance is none.
         """
+        from backdrive.identification.conjugate import conjugate
+
         value, C = np.array([constant, viscous], dtype=float), np.asarray(covariance, dtype=float)
         if not (
             np.all(value > 0)
@@ -72,11 +106,10 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             )
         scale = np.diag(1.0 / value)
         noise = scale @ C @ scale.T + np.array(self.within)
-        gain = np.array(self.between) @ np.linalg.inv(np.array(self.between) + noise + 1e-15 * np.eye(2))
-        mean = np.array(self.mean) + gain @ (np.log(value) - np.array(self.mean))
-        left = (np.eye(2) - gain) @ np.array(self.between)
-        back = np.diag(np.exp(mean))
-        return np.exp(mean), back @ left @ back
+        y, eye = np.log(value), np.eye(2)
+        after = conjugate(np.array(self.mean), np.array(self.between), eye, np.array(self.mean), y, noise)
+        back = np.diag(np.exp(after.mean))
+        return np.exp(after.mean), back @ after.covariance @ back
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +134,24 @@ class Population:
                 f"There is no type '{type}'.", remedy=f"There are: {', '.join(map(repr, kinds))}."
             )
         return [one for one in self.members if one.type == type]
+
+    def priors(self, type: str | None = None) -> tuple[Prior, ...]:
+        """Return what is known of a further robot of a type before its first log, one entry a joint, for `identify(prior=)`.
+
+        Args:
+            type: of the robot; None: the only one.
+
+        Raises:
+            InvalidInput: there are several types and none is given.
+            UnknownName: there is no such type.
+        """
+        kinds = sorted({one.type for one in self.members})
+        if type is None and len(kinds) > 1:
+            raise InvalidInput(
+                f"The population has {len(kinds)} types: {', '.join(map(repr, kinds))}.",
+                remedy="Name that of the robot: --prior-type TYPE, or population.priors(type).",
+            )
+        return tuple(one.prior() for one in self.of(kinds[0] if type is None else type))
 
     def model(self, type: str = "") -> FrictionModel:
         """Return the mean robot of a type; standard errors and covariance are the spread between robots."""
@@ -142,12 +193,28 @@ class Population:
             raise ModelFileError(
                 f"{path} is no population ({error}).", remedy="Make it with `backdrive fleet merge`."
             ) from error
-        if document.format != FORMAT or document.schema != SCHEMA:
+        if document.format != FORMAT or document.schema not in (OLDER, SCHEMA):
             raise ModelFileError(
-                f"{path} is {document.format} of schema {document.schema}, not {FORMAT} of {SCHEMA}.",
+                f"{path} is {document.format} of schema {document.schema}, not {FORMAT} of {OLDER} or {SCHEMA}.",
                 remedy="Update backdrive, or merge again.",
             )
         return cls(members=document.members)
+
+
+def is_population(path: str | Path) -> bool:
+    """Return whether a file says of itself that it is a population.
+
+    Raises:
+        ModelFileError: it cannot be read.
+    """
+    try:
+        return msgspec.json.decode(read_whole(path, MOST, error=ModelFileError), type=_Head).format == FORMAT
+    except (msgspec.MsgspecError, UnicodeDecodeError):
+        return False
+
+
+class _Head(msgspec.Struct):
+    format: str = ""
 
 
 class _Document(msgspec.Struct, forbid_unknown_fields=True):
@@ -179,7 +246,7 @@ def _model(members: list[Member], logarithms: list[np.ndarray]) -> FrictionModel
         rows = [f"{name}_{way}" for way in ("positive", "negative") for name in names]
         joints.append(
             JointFriction(
-                joint=Joint(name=one.joint, unit=one.unit),  # type: ignore[arg-type]
+                joint=Joint(name=one.joint, unit=one.unit),
                 law=Law(rate=rate),
                 standard_errors={
                     f"{n}_{way}": float(v) for n, v in names.items() for way in ("positive", "negative")

@@ -1,10 +1,11 @@
-"""Joints that have no results any more: their logs stopped, or all of them fail."""
+"""Joints that have no results any more: their logs stopped, or all of them fail or give poor results."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from datetime import date
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,18 +18,27 @@ LEAST = 3.0  # days without a result that are no silence [day]
 SPACINGS = 3.0  # usual distances between a joint's days that are none
 
 
-def silent_joints(joints: Sequence[History], failures: pa.Table) -> dict[str, str]:
+def silent_joints(
+    joints: Sequence[History], failures: pa.Table, results: pa.Table | None = None
+) -> dict[str, str]:
     """Return a sentence for each joint whose last result is older than the fleet's newest by more than three days, and more
     than three times the usual distance of its days; by `ROBOT/JOINT`.
 
     Args:
         joints: their histories.
         failures: of `Store.table(failures=True)`.
+        results: of `Store.table`, from which poor ones count; None: they are not distinguished from absent logs.
     """
     if not joints:
         return {}
     newest = max(float(one.day[-1]) for one in joints)
-    rows = failures.select(["robot", "day", "failure"]).to_pylist()
+    failed: dict[str, list[tuple[date, str]]] = {}
+    for robot, day, kind in _rows(failures, "robot", "day", "failure"):
+        failed.setdefault(robot, []).append((day, kind))
+    days: dict[str, list[date]] = {}
+    for robot, joint, day in [] if results is None else _rows(results, "robot", "joint", "day"):
+        days.setdefault(f"{robot}/{joint}", []).append(day)
+    latest = date_of(newest + 1.0)  # later days come from a wrong clock
     result = {}
     for one in joints:
         last = float(one.day[-1])
@@ -36,11 +46,13 @@ def silent_joints(joints: Sequence[History], failures: pa.Table) -> dict[str, st
         if newest - last <= max(LEAST, SPACINGS * usual):
             continue
         day = date_of(last)
-        kinds = Counter(
-            row["failure"] for row in rows if row["robot"] == one.robot and row["day"] and row["day"] > day
-        )
-        why = (
-            f"{kinds.total()} later logs failed ({kinds.most_common(1)[0][0]})" if kinds else "no later logs"
-        )
-        result[one.name] = f"no result since {day}: {why}"
+        kinds = Counter(kind for other, kind in failed.get(one.robot, []) if other and day < other <= latest)
+        poor = sum(day < other <= latest for other in days.get(one.name, []) if other)
+        why = [f"{kinds.total()} later logs failed ({kinds.most_common(1)[0][0]})"] if kinds else []
+        why += [f"{poor} later results are poor"] if poor else []
+        result[one.name] = f"no result since {day}: {', '.join(why) or 'no later logs'}"
     return result
+
+
+def _rows(table: pa.Table, *names: str) -> Iterator[tuple[Any, ...]]:
+    return zip(*(table.column(name).to_pylist() for name in names), strict=True)

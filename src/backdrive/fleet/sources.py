@@ -93,7 +93,9 @@ def _of_folder(folder: str, remarks: list[str]) -> Iterator[LogEntry]:
         for name in files:
             if not name.startswith(".") and os.path.splitext(name)[1].lower() in SUFFIXES:
                 path = os.path.join(place, name)
-                if os.path.isfile(path):
+                if os.path.isfile(path) or (
+                    os.path.islink(path) and not os.path.exists(path)
+                ):  # a broken link is told
                     yield local_entry(path, folder)
 
 

@@ -7,14 +7,16 @@ from collections import Counter
 from datetime import UTC, date, datetime, timedelta
 from typing import Any
 
+from backdrive.fleet.history import histories
 from backdrive.fleet.merging import EARLIEST, copies
+from backdrive.fleet.silence import silent_joints
 from backdrive.fleet.store import Store
 
 LISTED = 5  # names in a sentence
 
 
 def status(folder: str | os.PathLike) -> dict[str, Any]:
-    """Return counts, failures by kind with an example of each, and remarks.
+    """Return counts, failures by kind with an example of each, joints without recent results, and remarks.
 
     Args:
         folder: of the results.
@@ -23,7 +25,11 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
         BackdriveError: there are none, or of a newer schema.
     """
     store = Store.open(folder)
-    results, failures, raw = store.table(), store.table(failures=True), store.raw(["digest", "path", "day"])
+    results, failures, raw = (
+        store.table(),
+        store.table(failures=True),
+        store.raw(["digest", "path", "day", "robot"]),
+    )
     robots, logs = set(results.column("robot").to_pylist()), len(set(results.column("path").to_pylist()))
     joints = set(zip(results.column("robot").to_pylist(), results.column("joint").to_pylist(), strict=True))
     days = [d for d in results.column("day").to_pylist() if d is not None]
@@ -31,7 +37,7 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
     example = {}
     for row in failures.select(["failure", "path", "message", "remedy", "robot"]).to_pylist():
         example.setdefault(row["failure"], row)
-    same = copies(raw)
+    same = copies(raw, store.names)
     wrong = odd_days(results)
     grades = Counter(results.column("grade").to_pylist())
     sentences = [
@@ -44,7 +50,12 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
     sentences += [f"{failures.num_rows} logs failed."] if failures.num_rows else []
     if same:
         pairs = "; ".join(f"{copy} as {first}" for first, copy in same[:LISTED])
-        sentences.append(f"{len(same)} logs are copies of others and count once: {pairs}.")
+        are = (
+            "1 log is a copy of another and counts"
+            if len(same) == 1
+            else f"{len(same)} logs are copies of others and count"
+        )
+        sentences.append(f"{are} once: {pairs}.")
     if wrong:
         names = "; ".join(f"{robot} on {day}" for robot, day in wrong[:LISTED])
         sentences.append(
@@ -58,6 +69,7 @@ def status(folder: str | os.PathLike) -> dict[str, Any]:
         "failed": failures.num_rows,
         "copies": [list(pair) for pair in same],
         "names": dict(store.names),
+        "silent": silent_joints(histories(results), failures, results),
         "failures": [
             {"kind": kind, "logs": n, **{k: example[kind][k] for k in ("path", "message", "remedy")}}
             for kind, n in kinds.most_common()

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from backdrive.fleet.entries import LogEntry
     from backdrive.identification import Identification
 
-LINE = 20  # speeds at which the line through a curve is taken
-SLOWEST = 0.05  # lower end of these speeds, as a share of the top speed [-]
 UNREAD = "unread:"  # in the place of a digest, before the path of a log without one
 MOST_TEXT = 2000  # of a message or a warning [characters]
 
@@ -188,12 +186,12 @@ def row_of(result: Identification, number: int, entry: LogEntry) -> dict[str, An
     """
     import numpy as np
 
+    from backdrive.model.prior import line_of
+
     friction = result.model.joints[number]
     top = max(min(-friction.validity.velocity[0], friction.validity.velocity[1]), 0.0)
     top = top if top > 0 else max(abs(v) for v in friction.validity.velocity)
-    speeds = np.linspace(SLOWEST, 1.0, LINE) * top
-    curve = 0.5 * (friction.law.torque(speeds) - friction.law.torque(-speeds))
-    viscous, constant = np.polyfit(speeds, curve, 1)
+    constant, viscous = line_of(friction.law, top)
     numbers: dict[str, tuple[Any, Any]] = {
         e: (v.value, v.standard_error) for e, v in friction.dynamics.items()
     }

@@ -11,13 +11,11 @@ from backdrive._arguments import as_table, guard_keywords
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
 from backdrive.engine import DriveModel
-from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.alignment import Start
 from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
 from backdrive.identification.evidence import describe_fit
-from backdrive.identification.options import (
-    Interval,
-    Options,
+from backdrive.identification.log_set import (
     apart,
     attach_plan,
     coupling_of,
@@ -26,16 +24,17 @@ from backdrive.identification.options import (
     move_together,
     slow_clock,
 )
+from backdrive.identification.options import Interval, Options
 from backdrive.identification.plausibility import with_verdict
+from backdrive.identification.prior import as_priors, with_priors
 from backdrive.identification.repairs import healthy
 from backdrive.identification.result import Identification, JointEvidence
-from backdrive.identification.supplement import supplement
+from backdrive.identification.supplement import limits_of, supplement
 from backdrive.identification.timing import Timing
 from backdrive.identification.validate import validate
 from backdrive.logs.log import AS_SI, Drive, Log
 from backdrive.logs.tables import as_logs
 from backdrive.model import ArmModel, FrictionModel, JointFriction
-from backdrive.plans.limits import JointLimits, read_limits
 
 #: Method -> its function for one joint: module, name, and the options that it uses.
 ONE_JOINT: dict[str, tuple[str, str, tuple[str, ...]]] = {
@@ -76,6 +75,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     accept: Sequence[str] = (),
     repair: bool = False,
     seed: int = 0,
+    prior: Any = None,
     reading: Mapping[str, Any] | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Identification:
@@ -121,6 +121,8 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         accept: names of health findings to accept.
         repair: make the safe repairs of a log; each is noted, and undone if it does not lower the held-out error.
         seed: of the starting points of a search.
+        prior: knowledge before the logs: a population of siblings (`fleet.merge`), a friction model with errors, or `model.Prior`
+            by joint. The result combines both (`JointFriction.prior`), unless they contradict each other (p < 0.01).
         reading: how the logs were read (map, unit, ...), recorded in the model file.
         progress: called with a sentence before every step that may take long. An interruption (Ctrl-C) ends a search with its
             best result so far, if there is one; the result states this.
@@ -153,6 +155,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         cutoff=cutoff,
         step=step,
         seed=seed,
+        prior=as_priors(prior),
         literal=literal,
         timing=timing,
         payloads=payloads,
@@ -213,6 +216,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         friction, evidence, arm = _arm(logs, held_out, options)
     else:
         friction, evidence = _by_joint(method, logs, held_out, names, options, warnings)
+    friction, evidence = with_priors(friction, evidence, options.prior, logs, warnings)
     model = FrictionModel(
         joints=tuple(friction),
         arm=arm,
@@ -225,7 +229,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         options.say("Judging on the held-out logs")
         model, evidence = _validate_on(model, evidence, held_out)
     model, evidence = _with_verdicts(model, evidence, logs, options.delay_known(method))
-    limits = _limits(options.urdf)
+    limits = limits_of(options.urdf)
     model = replace(
         model,
         joints=tuple(supplement(j, e, logs, limits) for j, e in zip(model.joints, evidence, strict=True)),
@@ -239,16 +243,6 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         notes=tuple(note for note in dict.fromkeys(notes) if note not in warnings),
         **more,
     )
-
-
-def _limits(urdf: str | None) -> dict[str, JointLimits]:
-    """Return the limits of each joint from the robot's description; empty without one."""
-    if urdf is None:
-        return {}
-    try:
-        return read_limits(urdf)
-    except BackdriveError:  # limits are optional
-        return {}
 
 
 def _searches(logs: Sequence[Log], options: Options) -> bool:

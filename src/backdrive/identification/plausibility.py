@@ -36,6 +36,7 @@ RULES: tuple[Rule, ...] = (
     known_delay.remark,
     numbers.delay_range,
     beside.plan,
+    beside.siblings,
     residual.delay,
     residual.structure,
     numbers.break_away,

@@ -46,6 +46,19 @@ def plan(case: Case) -> Remark | None:
     return None
 
 
+def siblings(case: Case) -> Remark | None:
+    """Remark on a log that contradicts its prior."""
+    prior = case.friction.prior
+    if prior is None or prior.applied:
+        return None
+    each = ", ".join(f"{n.name} {n.log:.4g} instead of {n.prior:.4g} {n.unit}" for n in prior.numbers[:4])
+    return Remark(
+        severity="note",
+        sentence=f"The joint is unlike its siblings, or its former self ({prior.source}): {each}, p = {prior.p:.2g}. The prior "
+        "was not used.",
+    )
+
+
 def other_joints(case: Case) -> Iterator[tuple[np.ndarray, str]]:
     """Yield columns of other joints' motion, (n, k), which may affect the torque while this joint slides, and their names."""
     res = case.residual

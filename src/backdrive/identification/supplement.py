@@ -8,13 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.errors import BackdriveError
 from backdrive.identification.quality import grade
 from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import white_noise
 from backdrive.model import Actuator, JointFriction, TorqueChannel, Verdict
 from backdrive.parameters import BIG
-from backdrive.plans.limits import JointLimits
+from backdrive.plans.limits import JointLimits, read_limits
 
 
 def supplement(
@@ -49,6 +50,16 @@ def supplement(
         bands=evidence.bands,
         verdict=Verdict(grade=grade(friction).level, text=evidence.verdict),
     )
+
+
+def limits_of(urdf: str | None) -> dict[str, JointLimits]:
+    """Return the limits of each joint from the robot's description; empty without one."""
+    if urdf is None:
+        return {}
+    try:
+        return read_limits(urdf)
+    except BackdriveError:  # limits are optional
+        return {}
 
 
 def _channel(

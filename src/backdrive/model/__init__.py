@@ -9,6 +9,9 @@ from backdrive.model.hardware import TorqueChannel as TorqueChannel
 from backdrive.model.joint_friction import Estimate as Estimate
 from backdrive.model.joint_friction import JointFriction as JointFriction
 from backdrive.model.joint_friction import Validity as Validity
+from backdrive.model.prior import Prior as Prior
+from backdrive.model.prior_comparison import PriorComparison as PriorComparison
+from backdrive.model.prior_comparison import PriorNumber as PriorNumber
 from backdrive.model.quality import Band as Band
 from backdrive.model.quality import Bands as Bands
 from backdrive.model.quality import Quality as Quality

@@ -11,6 +11,7 @@ from backdrive._documents import json_schema
 from backdrive.model.covariance import Covariance
 from backdrive.model.hardware import Actuator, TorqueChannel
 from backdrive.model.joint_friction import Validity
+from backdrive.model.prior_comparison import PriorComparison
 from backdrive.model.quality import Bands, Verdict
 
 FORMAT, SCHEMA = "backdrive-friction-model", 2
@@ -79,6 +80,7 @@ class JointEntry(msgspec.Struct, forbid_unknown_fields=True):
     actuator: Actuator | None = None
     verdict: Verdict | None = None
     bands: Bands | None = None
+    prior: PriorComparison | msgspec.UnsetType = msgspec.UNSET  # absent where there was none
 
 
 #: Fields of a joint's entry that `JointFriction` has under the same names and types.

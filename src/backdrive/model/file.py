@@ -100,6 +100,7 @@ def encode(model: m.FrictionModel) -> bytes:
             fitted=_quality_entry(j.fitted),
             held_out=_quality_entry(j.held_out),
             warnings=list(j.warnings),
+            prior=j.prior or msgspec.UNSET,
             **{name: getattr(j, name) for name in ALIKE},
         )
         for j in model.joints
@@ -225,6 +226,7 @@ def _joint(j: JointEntry, where: str) -> m.JointFriction:
             fitted=_quality(j.fitted),
             held_out=_quality(j.held_out),
             warnings=tuple(j.warnings),
+            prior=j.prior or None,
             **{name: getattr(j, name) for name in ALIKE},
         )
     check_law(friction, where)

@@ -14,6 +14,7 @@ from backdrive.laws import Law
 from backdrive.logs.log import Joint
 from backdrive.model.covariance import Covariance
 from backdrive.model.hardware import Actuator, TorqueChannel
+from backdrive.model.prior_comparison import PriorComparison
 from backdrive.model.quality import Bands, Quality, Verdict
 from backdrive.parameters import NOT_NEGATIVE, Bounds, WithBounds
 
@@ -100,6 +101,7 @@ class JointFriction:
         friction_side: of the gear that the numbers refer to, `joint` or `motor`.
         verdict: grade of the result, and its summary in words.
         bands: how far measured torque lay from the predicted one, by state of motion.
+        prior: the comparison with what was known before the log; None without a prior.
     """
 
     joint: Joint
@@ -118,6 +120,7 @@ class JointFriction:
     friction_side: Literal["joint", "motor"] | None = None
     verdict: Verdict | None = None
     bands: Bands | None = None
+    prior: PriorComparison | None = None
 
     def __post_init__(self):
         if self.friction_side not in (None, "joint", "motor"):

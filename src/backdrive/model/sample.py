@@ -38,7 +38,7 @@ def draw_laws(friction: JointFriction, n: int, seed: int | Sequence[int] = 0) ->
     """
     n = whole("The number of draws", n, 1, MOST)
     law = friction.law
-    names, mean, low, high = _numbers(law)
+    names, mean, low, high = law_numbers(law)
     spread = _covariance(friction, names)
     free = np.flatnonzero(np.diag(spread) > 0.0)
     if not free.size:
@@ -57,7 +57,7 @@ def draw_laws(friction: JointFriction, n: int, seed: int | Sequence[int] = 0) ->
         inside = np.all((draws >= low) & (draws <= high), axis=1)
         left: list[int] = []
         for place, numbers, kept in zip(missing, draws, inside, strict=True):
-            laws[place] = _law(law, names, numbers) if kept else None
+            laws[place] = law_with(law, names, numbers) if kept else None
             if laws[place] is None:
                 left.append(place)
         missing = left
@@ -69,7 +69,7 @@ def draw_laws(friction: JointFriction, n: int, seed: int | Sequence[int] = 0) ->
     )
 
 
-def _numbers(law: Law) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
+def law_numbers(law: Law) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
     """Return names, values and bounds of all numbers of a law."""
     names: list[str] = []
     rows: list[tuple[float, float, float]] = []
@@ -99,7 +99,7 @@ def _covariance(friction: JointFriction, names: list[str]) -> np.ndarray:
     return spread
 
 
-def _law(law: Law, names: list[str], numbers: np.ndarray) -> Law | None:
+def law_with(law: Law, names: list[str], numbers: np.ndarray) -> Law | None:
     """Return the law with other parameters; None if they are invalid."""
     given: dict[str, Any] = {}
     for name, number in zip(names, numbers.tolist(), strict=True):

@@ -28,7 +28,8 @@ from backdrive.identification.dynamic.search import LOSSES
 from backdrive.identification.dynamic.torque_task import TorqueTask
 from backdrive.identification.dynamic.uncertainty import check_interval
 from backdrive.identification.dynamic.unknowns import LawShape, user_range
-from backdrive.identification.options import Options, moments_without_drive
+from backdrive.identification.log_set import moments_without_drive
+from backdrive.identification.options import Options
 from backdrive.logs.log import Drive, Log
 
 POSITIVE = ("inertia", "stiffness")
