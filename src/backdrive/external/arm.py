@@ -22,7 +22,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.external.alternatives import Instants
 from backdrive.external.arm_log import ArmLog, arm_log, at_motors, coupling_notes
 from backdrive.external.bands import band, growth_of, states_along
-from backdrive.external.choose import FASTEST, Noise, choose
+from backdrive.external.choose import FASTEST, choose
 from backdrive.external.explanation import LEAST, check_shares, explain
 from backdrive.external.joint import (
     AUTO,
@@ -39,10 +39,9 @@ from backdrive.external.wrench_axes import Convention, doubt, wrench_at
 from backdrive.identification.delay import earlier
 from backdrive.laws import REFERENCE
 from backdrive.logs.log import Log
-from backdrive.model import FrictionModel, JointFriction
+from backdrive.model import FrictionModel
 from backdrive.robot import Robot
 
-LONGEST = 0.5  # longest correlation time of the torque residual [s]
 SIMPLEST = "momentum"  # observer that is stable at every bandwidth chosen
 UNSETTLED = 10.0  # ratio to the unsmoothed force above which an observer counts as unstable [-]
 REST = STATES.index("rest")
@@ -287,7 +286,7 @@ class ArmEstimate:
         for j, friction in enumerate(self.frictions):
             signals = [s[j] for s in arm.stretches]
             one = arm.log.select(friction.joint.name)
-            noise = _in_motion(noise_of(friction, one, signals, float(inertia[j])), friction)
+            noise = noise_of(friction, one, signals, float(inertia[j]))
             picks.append(choose(force[:, j], noise, method))
         most = Counter(name for name, _ in picks).most_common(1)[0][0]
         return most, float(np.median([L for _, L in picks]))
@@ -297,17 +296,3 @@ def _settles(parts: Sequence[tuple[np.ndarray, ...]], plain: Sequence[tuple[np.n
     """Return whether an observer's forces stay bounded, compared with the unsmoothed ones."""
     largest, usual = (max(float(np.abs(p[1]).max(initial=0.0)) for p in each) for each in (parts, plain))
     return largest <= UNSETTLED * usual
-
-
-def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
-    """Return the noise from the residual in motion, since an arm's model is also judged at rest, where friction is
-    undetermined.
-    """
-    band = None if friction.bands is None else friction.bands.moving
-    if band is None:
-        return noise
-    misfit = float(np.sqrt(max((band.half_width / WIDTH) ** 2 - noise.torque**2, 0.0)))
-    channel = friction.torque_channel
-    long_run = None if channel is None else channel.long_run
-    alike = 0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0
-    return replace(noise, misfit=misfit, correlation=min(alike, LONGEST), turning=0.0)

@@ -179,6 +179,8 @@ def _with_bands(
     half = np.where(one.state == 0, widths[0], widths[1])
     if faster is not None:
         half = half * np.maximum(faster, 1.0) ** 2
+    if one.abrupt is not None:
+        half = half + one.abrupt
     rest = one.state == STATES.index("rest")
     return replace(
         one,
