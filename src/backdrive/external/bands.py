@@ -16,7 +16,7 @@ SPREAD = 0.05  # standard deviation of break-away relative to friction: default 
 ONE_SIDED = 1.645  # standard deviations to the end of a one-sided 95 % band, such as that of friction at rest
 BLUR = 2.0  # time after a reversal in which the estimator's response to it decays to 5 % [lag]
 FASTER = 4.0  # ratio of the bandwidths of the estimator that shows what the estimate misses, and of the estimate [-]
-AROUND = 0.5  # time before and after, over which that is applied [lag]
+AROUND = 1.0  # time before and after, over which that is applied [lag]
 MEDIAN = 0.6745  # median of |x| of a normal distribution [standard deviation]
 
 
@@ -98,7 +98,7 @@ def abrupt_changes(
 
     A band from free motion or from the identification holds the noise of the estimate, not what the estimator smooths away from
     a force. A faster estimator shows that: half the band grows by what the two differ beyond their usual difference in this
-    state of motion, for half the lag before and after. At rest the band stays as wide as friction's bounds.
+    state of motion, for one lag before and after. At rest the band stays as wide as friction's bounds.
 
     Args:
         force: external torque, its lag removed [N.m or N], (n,).

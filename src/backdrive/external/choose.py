@@ -3,9 +3,9 @@
     error^2 = integral |1 - H|^2 S_f + |H|^2 S_n  df,        S_f = S - S_n where S > 4 S_n, else 0
 
 H is the response of an estimator with its lag removed. S is the spectrum of the force estimated without smoothing, S_n that of
-its noise, at most S. Free motion shows S_n: nothing acts there, so the estimate is noise. Without it the noise has four parts:
-white noise of the torque; the torque residual, as first-order noise of the same size and long-run variance; the noise of
-reversals (`reversals`); and encoder steps, differentiated twice. So a slow and weak force is smoothed, and an
+its noise, at most S. The noise has four parts: white noise of the torque; the torque residual, as first-order noise of the same
+size and long-run variance; the noise of reversals (`reversals`); and encoder steps, differentiated twice. Free motion shows S_n,
+since nothing acts there, but a joint that is pushed reverses elsewhere. With it, S_n is the geometric mean of both. So a slow and weak force is smoothed, and an
 abrupt one is not.
 """
 
@@ -144,13 +144,15 @@ def choose(
         force: as estimated without smoothing, at least 16 samples [N.m or N], (n,).
         noise: that disturbs it.
         method: to find the bandwidth of; None: any.
-        free: by stretch of free motion, the force as estimated without smoothing, and the sampling frequency [Hz]; it replaces
-            `noise`.
+        free: by stretch of free motion, the force as estimated without smoothing, and the sampling frequency [Hz]; the
+            geometric mean of its spectrum and that of `noise` counts.
     """
     rate = noise.rate
     middle, whole, count = banded(force, rate)
     shown = of_free_motion(free, middle)
-    disturbance = noise.spectrum(middle) if shown is None else shown
+    disturbance = noise.spectrum(middle)
+    if shown is not None:
+        disturbance = np.sqrt(disturbance * shown)
     wanted = np.where(whole > SEEN * disturbance, whole - disturbance, 0.0)
     disturbance = np.minimum(disturbance, whole)
     s = 2.0j * np.pi * middle
