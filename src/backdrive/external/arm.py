@@ -27,7 +27,6 @@ from backdrive.external.explanation import LEAST, check_shares, explain
 from backdrive.external.joint import (
     AUTO,
     SETTLED,
-    delay_of,
     noise_of,
     reference_torque,
     speed_along,
@@ -241,13 +240,8 @@ class ArmEstimate:
         for stretch, warm in zip(arm.stretches, warmths, strict=True):
             rate = stretch[0].rate
             dt, lags = 1.0 / rate, 1.0 / estimator.bandwidth
-            # the torque that acted between a reading and the next
-            torque = np.column_stack(
-                [
-                    earlier(s.torque, -(delay_of(f) * rate + 0.5), linear=True)
-                    for s, f in zip(stretch, self.frictions, strict=True)
-                ]
-            )
+            # the torque between a reading and the next; its delay is the estimator's
+            torque = np.column_stack([earlier(s.torque, -0.5, linear=True) for s in stretch])
             position = np.column_stack([s.position for s in stretch])  # type: ignore[misc]
             velocity = np.array([s.velocity[0] for s in stretch])
             degrees = np.column_stack(

@@ -5,8 +5,8 @@
 H is the response of an estimator with its lag removed. S is the spectrum of the force estimated without smoothing, S_n that of
 its noise, at most S. The noise has four parts: white noise of the torque; the torque residual, as first-order noise of the same
 size and long-run variance; the noise of reversals (`reversals`); and encoder steps, differentiated twice. Free motion shows S_n,
-since nothing acts there, but a joint that is pushed reverses elsewhere. With it, S_n is the geometric mean of both. So a slow and weak force is smoothed, and an
-abrupt one is not.
+since nothing acts there, but a joint that is pushed reverses elsewhere. With it, S_n is the geometric mean of both. So a slow
+and weak force is smoothed, and an abrupt one is not.
 """
 
 from __future__ import annotations

@@ -164,8 +164,8 @@ def _forces(
             known = value["model_torque"] * s.model_torque
         dt = 1.0 / s.rate
         state = states_along(friction, s, made.bandwidth)
-        # the torque that acted between a reading and the next
-        torque = earlier(s.torque, -(delay_of(friction) * s.rate + 0.5), linear=True)
+        # the torque between a reading and the next; its delay is the estimator's
+        torque = earlier(s.torque, -0.5, linear=True)
         assert s.position is not None
         force, taken = made.run(s.position, torque, dt, known, float(s.velocity[0]), warm)
         lag = made.lag(dt)
@@ -175,12 +175,6 @@ def _forces(
         series = s.time, earlier(force, back), earlier(taken, back), state, warm
         parts.append(tuple(x[settled:] for x in series))
     return parts
-
-
-def delay_of(friction: JointFriction) -> float:
-    """Return the delay of the torque in a model [s]."""
-    value = sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
-    return float(value)
 
 
 def noise_of(friction: JointFriction, log: Log, stretches: Sequence[Signals], inertia: float) -> Noise:
