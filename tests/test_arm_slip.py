@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip("pinocchio")
 
-from backdrive.external.joint import delay_of
 from backdrive.identification import arm_errors, arm_slip
 from backdrive.identification.arm import identify_arm
 from backdrive.identification.arm_predict import predict_arm, slip_in, validate_arm
@@ -38,7 +37,7 @@ def test_a_delay_is_told_kept_and_taken_out(robot, delay):
     for j, friction in enumerate(frictions):
         slip = friction.dynamics["time_slip"]
         assert abs(slip.value - delay) < max(3.0 * slip.standard_error, 4e-4) and slip.unit == "s"
-        assert delay_of(friction) == slip.value == slip_in(model)
+        assert friction.delay == slip.value == slip_in(model)
         v = np.array([-0.5, 0.3, 0.6])
         assert friction.law.torque(v) == pytest.approx(np.sign(v) * COULOMB[j] + VISCOUS[j] * v, rel=0.06)
     judged = validate_arm(model, [fresh], robot)
@@ -59,7 +58,7 @@ def _without_slip(friction):
 
 def test_torque_in_time_gets_no_delay(robot):
     frictions, _, _ = identify_arm(made(3), robot)
-    assert "time_slip" not in frictions[0].dynamics and delay_of(frictions[0]) == 0.0
+    assert "time_slip" not in frictions[0].dynamics and frictions[0].delay == 0.0
 
 
 def rows_of(delay, noise, n=4000, J=4):

@@ -11,7 +11,7 @@ from backdrive.cli import main
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
 from backdrive.external import estimate_force
-from backdrive.external.choose import Noise, choose
+from backdrive.external.choose import Noise, banded, choose, of_free_motion
 
 DT, M, F, B, COUNT = 2e-3, 0.8, 3.0, 1.5, 2e-5
 PUSH = 4.0
@@ -142,32 +142,31 @@ def test_a_slow_force_is_smoothed_and_an_abrupt_one_is_not():
     assert choose(12.0 * np.sign(np.sin(12.0 * t)) + misfit, noise, "kalman")[0] == "kalman"
 
 
-def test_what_a_model_leaves_about_reversals_counts_where_it_was_fitted_sliding(model, contact):
-    from dataclasses import replace
+def test_auto_is_near_the_best_with_free_motion_and_without(model, contact):
+    def error(**more):
+        one = estimate_force(model, contact, **more).joints[0]
+        moving = one.time < 6.9
+        inside = (one.known >= one.lower) & (one.known <= one.upper)
+        assert inside[moving].mean() > 0.9 or "bandwidth" in more
+        return np.sqrt(np.mean((one.force - one.known)[moving] ** 2))
 
-    from backdrive.external.joint import noise_of
-    from backdrive.identification.bands import states
-    from backdrive.identification.signals import prepare
-    from backdrive.model import Band, Bands
+    free = log_of(*simulated(10.0, 0.0, 3)[:3])
+    best = min(error(method=m, bandwidth=L) for m in METHODS[1:] for L in (20.0, 80.0, 320.0))
+    assert error() < 1.1 * best and error(free=(free,)) < 1.1 * best
 
-    one, stretches = model.joints[0], prepare(contact, 0)
-    moving, reversing = Band(half_width=0.2, samples=900), Band(half_width=2.0, samples=100)
-    turns = replace(one, bands=Bands(moving=moving, reversing=reversing))
-    got = noise_of(turns, contact, stretches, 1.0)
-    share = np.mean(np.concatenate([states(s)[s.moving] for s in stretches]) == 1)
-    assert got.turning == pytest.approx(np.sqrt(share * (2.0**2 - 0.2**2)) / 1.96) and got.turning > 0.0
-    assert noise_of(replace(one, bands=Bands(moving=moving)), contact, stretches, 1.0).turning == 0.0
-    assert (
-        noise_of(
-            replace(one, bands=Bands(moving=reversing, reversing=moving)), contact, stretches, 1.0
-        ).turning
-        == 0.0
-    )
-    f = np.array([0.1, 5.0, 40.0])
-    more = got.spectrum(f) - replace(got, turning=0.0).spectrum(f)
-    assert more == pytest.approx(0.04 * got.turning**2 / (1.0 + (2.0 * np.pi * f * 0.01) ** 2), rel=1e-6)
-    assert np.trapezoid(got.spectrum(np.linspace(0, 5000, 400001)) - replace(got, turning=0.0).spectrum(
-        np.linspace(0, 5000, 400001)), np.linspace(0, 5000, 400001)) == pytest.approx(got.turning**2, rel=0.01)  # fmt: skip
+
+def test_free_motion_corrects_the_noise_and_a_short_one_does_not():
+    rng, rate = np.random.default_rng(5), 500.0
+    t = np.arange(8000) / rate
+    wrong = Noise(count=0.0, inertia=1.0, torque=50.0, misfit=0.0, correlation=0.0, cutoff=50.0, rate=rate)
+    force = 3.0 * np.sign(np.sin(8.0 * t)) + 0.05 * rng.standard_normal(t.size)
+    free = [(0.05 * rng.standard_normal(6000), rate)]
+    assert choose(force, wrong)[1] < 20.0  # nothing stands out of such a noise
+    assert choose(force, wrong, free=free)[1] > 30.0
+    assert choose(force, wrong, free=[(free[0][0][:10], rate)]) == choose(force, wrong)
+    middle, power, count = banded(free[0][0], rate)
+    assert np.average(power, weights=count) == pytest.approx(2.0 * 0.05**2 / rate, rel=0.1)
+    assert of_free_motion(free, middle[::5]) == pytest.approx(np.full(middle[::5].size, 1e-5), rel=0.8)
 
 
 def test_the_command_writes_a_table_and_a_picture(model, contact, tmp_path, monkeypatch, capsys):

@@ -22,12 +22,11 @@ from backdrive.errors import NotIdentifiable
 from backdrive.external.alternatives import Instants
 from backdrive.external.arm_log import ArmLog, arm_log, at_motors, coupling_notes
 from backdrive.external.bands import band, growth_of, states_along
-from backdrive.external.choose import FASTEST, Noise, choose
+from backdrive.external.choose import FASTEST, choose
 from backdrive.external.explanation import LEAST, check_shares, explain
 from backdrive.external.joint import (
     AUTO,
     SETTLED,
-    delay_of,
     noise_of,
     reference_torque,
     speed_along,
@@ -39,10 +38,9 @@ from backdrive.external.wrench_axes import Convention, doubt, wrench_at
 from backdrive.identification.delay import earlier
 from backdrive.laws import REFERENCE
 from backdrive.logs.log import Log
-from backdrive.model import FrictionModel, JointFriction
+from backdrive.model import FrictionModel
 from backdrive.robot import Robot
 
-LONGEST = 0.5  # longest correlation time of the torque residual [s]
 SIMPLEST = "momentum"  # observer that is stable at every bandwidth chosen
 UNSETTLED = 10.0  # ratio to the unsmoothed force above which an observer counts as unstable [-]
 REST = STATES.index("rest")
@@ -242,13 +240,8 @@ class ArmEstimate:
         for stretch, warm in zip(arm.stretches, warmths, strict=True):
             rate = stretch[0].rate
             dt, lags = 1.0 / rate, 1.0 / estimator.bandwidth
-            # the torque that acted between a reading and the next
-            torque = np.column_stack(
-                [
-                    earlier(s.torque, -(delay_of(f) * rate + 0.5), linear=True)
-                    for s, f in zip(stretch, self.frictions, strict=True)
-                ]
-            )
+            # the torque between a reading and the next; its delay is the estimator's
+            torque = np.column_stack([earlier(s.torque, -0.5, linear=True) for s in stretch])
             position = np.column_stack([s.position for s in stretch])  # type: ignore[misc]
             velocity = np.array([s.velocity[0] for s in stretch])
             degrees = np.column_stack(
@@ -287,7 +280,7 @@ class ArmEstimate:
         for j, friction in enumerate(self.frictions):
             signals = [s[j] for s in arm.stretches]
             one = arm.log.select(friction.joint.name)
-            noise = _in_motion(noise_of(friction, one, signals, float(inertia[j])), friction)
+            noise = noise_of(friction, one, signals, float(inertia[j]))
             picks.append(choose(force[:, j], noise, method))
         most = Counter(name for name, _ in picks).most_common(1)[0][0]
         return most, float(np.median([L for _, L in picks]))
@@ -297,17 +290,3 @@ def _settles(parts: Sequence[tuple[np.ndarray, ...]], plain: Sequence[tuple[np.n
     """Return whether an observer's forces stay bounded, compared with the unsmoothed ones."""
     largest, usual = (max(float(np.abs(p[1]).max(initial=0.0)) for p in each) for each in (parts, plain))
     return largest <= UNSETTLED * usual
-
-
-def _in_motion(noise: Noise, friction: JointFriction) -> Noise:
-    """Return the noise from the residual in motion, since an arm's model is also judged at rest, where friction is
-    undetermined.
-    """
-    band = None if friction.bands is None else friction.bands.moving
-    if band is None:
-        return noise
-    misfit = float(np.sqrt(max((band.half_width / WIDTH) ** 2 - noise.torque**2, 0.0)))
-    channel = friction.torque_channel
-    long_run = None if channel is None else channel.long_run
-    alike = 0.5 * (long_run / misfit) ** 2 if long_run and misfit > 0.0 else 0.0
-    return replace(noise, misfit=misfit, correlation=min(alike, LONGEST), turning=0.0)

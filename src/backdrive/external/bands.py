@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 
 from backdrive.control.estimators.of_model import CREEP, WIDTH, break_away
 from backdrive.identification.bands import REVERSAL, states
@@ -14,6 +15,9 @@ from backdrive.model import JointFriction
 SPREAD = 0.05  # standard deviation of break-away relative to friction: default without a band, and largest value [-]
 ONE_SIDED = 1.645  # standard deviations to the end of a one-sided 95 % band, such as that of friction at rest
 BLUR = 2.0  # time after a reversal in which the estimator's response to it decays to 5 % [lag]
+FASTER = 4.0  # ratio of the bandwidths of the estimator that shows what the estimate misses, and of the estimate [-]
+AROUND = 1.0  # time before and after, over which that is applied [lag]
+MEDIAN = 0.6745  # median of |x| of a normal distribution [standard deviation]
 
 
 def states_along(friction: JointFriction, s: Signals, bandwidth: float) -> np.ndarray:
@@ -85,6 +89,33 @@ def band(
     lower[rest] = (free - ends[1])[rest]
     upper[rest] = (free + ends[0])[rest]
     return lower, upper
+
+
+def abrupt_changes(
+    force: np.ndarray, faster: np.ndarray, state: np.ndarray, bandwidth: float, rate: float
+) -> np.ndarray:
+    """Return by how much half the band is wider where the force changes faster than the estimator follows [N.m or N], (n,).
+
+    A band from free motion or from the identification holds the noise of the estimate, not what the estimator smooths away from
+    a force. A faster estimator shows that: half the band grows by what the two differ beyond their usual difference in this
+    state of motion, for one lag before and after. At rest the band stays as wide as friction's bounds.
+
+    Args:
+        force: external torque, its lag removed [N.m or N], (n,).
+        faster: the same by an estimator `FASTER` times as fast, (n,).
+        state: of motion, (n,).
+        bandwidth: of the estimator [1/s].
+        rate: sampling frequency [Hz].
+    """
+    difference = np.abs(faster - force)
+    more = np.zeros(force.shape)
+    for k in (0, 1):
+        inside = state == k
+        if inside.any():
+            usual = WIDTH / MEDIAN * np.median(difference[inside])
+            more[inside] = np.maximum(difference[inside] - usual, 0.0)
+    more = maximum_filter1d(more, 1 + 2 * round(AROUND * rate / bandwidth))
+    return np.where(state == 2, 0.0, more)
 
 
 def growth_of(friction: JointFriction) -> tuple[float, float]:

@@ -7,7 +7,8 @@ and bandwidth of the estimate. Half the band is the quantile of |estimate| that 
     half = Q(0.95 (1 + 1/n)),      n = p (1 - p) N^2 / Var(sum over N samples of 1{|estimate| > half}),   p = 0.05
 
 so that few events give a wider band (as in split conformal prediction, Lei et al., JASA 113, 2018). At rest friction is
-undetermined within its bounds, whatever free motion showed, so that band is kept.
+undetermined within its bounds, whatever free motion showed, so that band is kept. Where the force changes abruptly the band is
+wider (`JointForce.abrupt`); |estimate| counts beyond that.
 
 A joint that moves faster than free motion did, by a factor r of its top speed, has a band r^2 times as wide. The reason:
 errors of the viscous part grow with the speed, errors of the bodies with its square, and there are no data at such speeds.
@@ -179,6 +180,8 @@ def _with_bands(
     half = np.where(one.state == 0, widths[0], widths[1])
     if faster is not None:
         half = half * np.maximum(faster, 1.0) ** 2
+    if one.abrupt is not None:
+        half = half + one.abrupt
     rest = one.state == STATES.index("rest")
     return replace(
         one,
@@ -187,8 +190,14 @@ def _with_bands(
     )
 
 
+def _error(f: JointForce) -> np.ndarray:
+    """Return the size of an estimate on free motion beyond the band's part for abrupt changes [N.m or N], (n,)."""
+    size = np.abs(f.force)
+    return size if f.abrupt is None else np.maximum(size - f.abrupt, 0.0)
+
+
 def _state_band(free: Sequence[JointForce], state: int) -> StateBand | None:
-    errors = [np.abs(f.force[(f.state == state) & np.isfinite(f.force)]) for f in free]
+    errors = [_error(f)[(f.state == state) & np.isfinite(f.force)] for f in free]
     pooled = np.concatenate(errors)
     if pooled.size < LEAST:
         return None
@@ -213,7 +222,7 @@ def _events(free: Sequence[JointForce], state: int, half: float) -> float:
     samples, variance, windows = 0, 0.0, 0.0
     for f in free:
         inside = (f.state == state) & np.isfinite(f.force)
-        beyond = np.where(inside, (np.abs(f.force) > half) - (1.0 - SHARE), 0.0)
+        beyond = np.where(inside, (_error(f) > half) - (1.0 - SHARE), 0.0)
         dt = period(f.time)
         breaks = np.flatnonzero(np.diff(f.time) > JUMP * dt) + 1
         for part in np.split(beyond, breaks):

@@ -28,10 +28,16 @@ REST, TURNS = STATES.index("rest"), STATES.index("reversing")
 
 
 def score(one: JointForce) -> np.ndarray:
-    """Return the distance of the estimate from zero in bands, (n,); NaN where there is no band."""
+    """Return the distance of the estimate from zero in bands, (n,); NaN where there is no band.
+
+    Bands without their part for abrupt changes: a contact is one.
+    """
     middle = np.where(one.state == REST, one.force - one.friction, one.force)
+    more = 0.0 if one.abrupt is None else one.abrupt
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(middle >= 0.0, middle / (middle - one.lower), middle / (middle - one.upper))
+        return np.where(
+            middle >= 0.0, middle / (middle - one.lower - more), middle / (middle - one.upper + more)
+        )
 
 
 def half_bands(one: JointForce) -> list[float]:

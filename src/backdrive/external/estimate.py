@@ -117,9 +117,10 @@ def estimate_force(  # noqa: PLR0913  (keywords of one door)
     calibrations: dict[str, Calibration] = {}
     for name in names:
         try:
-            result, said = joint_force(model.joint(name), log, method, bandwidth, least)
+            untouched = _of_joint(name, free)
+            result, said = joint_force(model.joint(name), log, method, bandwidth, least, untouched)
             if free:
-                calibrations[name] = _calibration(model.joint(name), free, result)
+                calibrations[name] = _calibration(model.joint(name), untouched, result)
                 result = calibrations[name].apply(result)
                 said += calibrations[name].remarks() + calibrations[name].faster(result)
         except BackdriveError as error:
@@ -228,17 +229,21 @@ def _arm(  # noqa: PLR0913  (what one door hands to the other)
     return estimate if false_alarms is None else with_contacts(estimate, false_alarms)
 
 
-def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce) -> Calibration:
-    """Return the calibration of a joint's estimate by free motion, for its method and bandwidth."""
-    name = friction.joint.name
+def _of_joint(name: str, free: Sequence[Log]) -> list[Log]:
+    """Return the logs of free motion that a joint is in."""
     logs = [log for log in free if name in log.names]
-    if not logs:
+    if free and not logs:
         raise InvalidInput(
             f"Joint '{name}' is in no log of free motion.",
             remedy="Name their joints as in the model (--names).",
         )
+    return logs
+
+
+def _calibration(friction: JointFriction, free: Sequence[Log], like: JointForce) -> Calibration:
+    """Return the calibration of a joint's estimate by its free motion, for its method and bandwidth."""
     forces = []
-    for log in logs:
+    for log in free:
         with naming(log):
             forces.append(joint_force(friction, log, like.method, like.bandwidth)[0])
     return calibrate(forces)

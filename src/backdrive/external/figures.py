@@ -52,7 +52,7 @@ def joint_figures(one: JointForce) -> dict[str, Any]:
 
 def wrench_figures(wrench: WrenchEstimate) -> dict[str, Any]:
     """Return the figures of a wrench, in SI units."""
-    error = wrench.rms_error
+    error, blind = wrench.rms_error, wrench.blind_direction
     return {
         "frame": wrench.frame,
         "components": ["fx", "fy", "fz", "mx", "my", "mz"],
@@ -60,5 +60,6 @@ def wrench_figures(wrench: WrenchEstimate) -> dict[str, Any]:
         "largest": wrench.wrench[np.abs(wrench.wrench).argmax(axis=0), range(6)].tolist(),
         "standard_deviation": np.median(wrench.deviation, axis=0).tolist(),
         "share_singular": float(np.mean(wrench.singular)),
+        "blind_direction": None if blind is None else blind.tolist(),
         "rms_error": None if error is None else error.tolist(),
     }

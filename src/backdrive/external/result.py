@@ -40,6 +40,7 @@ class JointForce:
         known: external torque that the log holds [N.m or N], (n,); None where it holds none.
         contact: True where the estimate is beyond its threshold, (n,); None where contacts were not sought.
         speed: of the joint [rad/s or m/s], (n,); None where it is not known.
+        abrupt: part of half the band where the force changes faster than the estimator follows [N.m or N], (n,); None: none.
     """
 
     joint: Joint
@@ -55,6 +56,7 @@ class JointForce:
     known: np.ndarray | None = None
     contact: np.ndarray | None = None
     speed: np.ndarray | None = None
+    abrupt: np.ndarray | None = None
 
     @property
     def rms_error(self) -> float | None:

@@ -18,10 +18,14 @@ from backdrive.control.estimators import arm_kernel
 from backdrive.control.estimators.arm import ArmForce
 from backdrive.control.estimators.arm_tick import FULL, SINGULAR
 from backdrive.control.estimators.of_model import WIDTH
+from backdrive.external.directions import blind_directions, direction_words, usual_direction
 from backdrive.external.result import JointForce
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
 UNITS = ("N", "N", "N", "N.m", "N.m", "N.m")
+FORCE = 3  # components of the force
+SQUARES = ("N^2", "N^2.m", "N^2.m^2")  # of covariances, by the number of moments in them
+USUAL = 0.8  # share of the singular time's directions from which on one stands for all [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,6 +41,9 @@ class WrenchEstimate:
         known: the log's wrench (`measured_along`), or else the wrench that explains the log's external torques with the same
             weights, (n, 6); None without either.
         joints: of the arm.
+        blind: where `singular`, the direction of the wrench that the joints feel least, with force [N] and moment [N.m] along the
+            axes of the base (`blind_directions`), (n, 6); NaN elsewhere, and with fewer than six joints, which leave several.
+        damping: P [1/N^2, 1/(N.m)^2], (6,).
     """
 
     frame: str
@@ -46,6 +53,20 @@ class WrenchEstimate:
     singular: np.ndarray
     known: np.ndarray | None = None
     joints: int = FULL
+    blind: np.ndarray | None = None
+    damping: np.ndarray | None = None
+
+    @property
+    def blind_direction(self) -> np.ndarray | None:
+        """Direction that the joints usually feel least where the posture is singular [N, N.m], (6,); None if none is known."""
+        told = self._usual()
+        return None if told is None else told[0]
+
+    def _usual(self) -> tuple[np.ndarray, float] | None:
+        if self.blind is None or self.damping is None:
+            return None
+        known = self.blind[np.isfinite(self.blind).all(axis=1)]
+        return usual_direction(known, self.damping) if len(known) else None
 
     @property
     def deviation(self) -> np.ndarray:
@@ -58,11 +79,15 @@ class WrenchEstimate:
         return None if self.known is None else np.sqrt(np.nanmean((self.wrench - self.known) ** 2, axis=0))
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Return the columns of a table, by name."""
+        """Return the columns of a table, by name: wrench, standard deviations, upper triangle of the covariance, singular."""
         table, deviation = {}, self.deviation
         for i, (name, unit) in enumerate(zip(COMPONENTS, UNITS, strict=True)):
             table[f"{self.frame}_{name} [{unit}]"] = self.wrench[:, i]
             table[f"{self.frame}_{name}_sd [{unit}]"] = deviation[:, i]
+        for i in range(FULL):
+            for j in range(i, FULL):
+                unit = SQUARES[(i >= FORCE) + (j >= FORCE)]
+                table[f"{self.frame}_cov_{COMPONENTS[i]}_{COMPONENTS[j]} [{unit}]"] = self.covariance[:, i, j]
         return table | {f"{self.frame}_singular": self.singular.astype(np.int8)}
 
     def remarks(self) -> list[str]:
@@ -78,9 +103,17 @@ class WrenchEstimate:
         told = f"{share:.0f} %" if share >= 1.0 else "less than 1 %"
         return [
             f"Wrench at '{self.frame}': {told} of the time (first at {first:.4g} s) a direction is "
-            f"not observable, because of the posture or of joints at rest. Along it the estimate is damped, and its "
-            f"standard deviation is large."
+            f"not observable, because of the posture or of joints at rest{self._blind_words()}. Along it the estimate is damped, "
+            f"and its standard deviation is large."
         ]
+
+    def _blind_words(self) -> str:
+        """Describe the direction that is not observable."""
+        told = self._usual()
+        if told is None or self.damping is None:
+            return ""
+        which = "" if told[1] >= USUAL else "most often "
+        return f": {which}{direction_words(told[0], self.damping)}"
 
 
 def wrench_of(
@@ -114,14 +147,21 @@ def wrench_of(
     if known is None and all(one.known is not None for one in joints):
         told = np.column_stack([one.known for one in joints])  # type: ignore[arg-type]
         known = _solve_samples(row, jacobians, told, deviations)[:, :FULL]
+    covariance, singular = rows[:, FULL:-1].reshape(-1, FULL, FULL), rows[:, -1] > SINGULAR
+    damping = row[arm_kernel.DAMPING : arm_kernel.DAMPING + FULL].copy()
+    blind = np.full((clock.size, FULL), np.nan)
+    if J >= FULL and singular.any():
+        blind[singular] = blind_directions(covariance[singular], damping)
     return WrenchEstimate(
         frame=frame,
         time=clock,
         wrench=rows[:, :FULL],
-        covariance=rows[:, FULL:-1].reshape(-1, FULL, FULL),
-        singular=rows[:, -1] > SINGULAR,
+        covariance=covariance,
+        singular=singular,
         known=known,
         joints=J,
+        blind=blind,
+        damping=damping,
     )
 
 

@@ -133,6 +133,4 @@ def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> 
 
 def _then(friction: JointFriction, signals: Signals) -> Signals:
     """Return the motion and the load that belong to the torque of each sample; the model torque is not shifted."""
-    return delay_signals(
-        signals, sum(friction.dynamics[t].value for t in ("delay", "time_slip") if t in friction.dynamics)
-    )
+    return delay_signals(signals, friction.delay)

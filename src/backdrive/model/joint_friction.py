@@ -141,6 +141,15 @@ class JointFriction:
         return errors
 
     @property
+    def delay(self) -> float:
+        """By which torque was recorded later than motion [s]: identified, or else that of the torque's channel; 0 if unknown."""
+        known = [self.dynamics[t].value for t in ("delay", "time_slip") if t in self.dynamics]
+        if known:
+            return float(sum(known))
+        channel = self.torque_channel
+        return 0.0 if channel is None or channel.delay is None else float(channel.delay)
+
+    @property
     def speeds(self) -> tuple[float, float]:
         """Low and top speed at which texts and tables report friction [rad/s or m/s].
 

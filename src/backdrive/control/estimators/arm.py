@@ -20,6 +20,7 @@ from backdrive.control.estimators.external import KNOWN
 from backdrive.control.estimators.friction import FrictionEstimator
 from backdrive.control.estimators.gains import lag as lag_of
 from backdrive.control.estimators.of_model import ABRUPT, WIDTH, at_rest, contact, with_break_away
+from backdrive.control.estimators.series import on_time
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import check_coupling
@@ -52,6 +53,8 @@ class ArmForce(WithBounds):
         frame: at which a wrench is wanted; None: none. An arm of fewer than six joints shows only a part of it; the rest is
             set to zero, with a large standard deviation.
         force_rate: always None, since only estimators of single joints use it.
+        delay: by which the torques of a log are recorded later than motion; `run` takes it out [s], (J,); empty: not at all. A
+            loop passes torques as they act, so a tick does not.
     """
 
     BOUNDS: ClassVar = {"bandwidth": POSITIVE}
@@ -70,6 +73,7 @@ class ArmForce(WithBounds):
     frame: str | None = None
     coupling: tuple[tuple[float, ...], ...] | None = None
     force_rate: float | None = field(default=None, repr=False)
+    delay: tuple[float, ...] = ()
 
     def __post_init__(self):
         super().__post_init__()
@@ -80,6 +84,10 @@ class ArmForce(WithBounds):
                     f"{len(getattr(self, name))} of {name} for {J} joints ({', '.join(self.joints)}).",
                     remedy="Give one per joint.",
                 )
+        if self.delay and (len(self.delay) != J or not np.isfinite(self.delay).all()):
+            raise InvalidInput(
+                f"delay {self.delay} for {J} joints.", remedy="Give one finite number per joint, or none."
+            )
         if self.frame is not None:
             robot.frame(self.frame)
         if self.coupling is not None:
@@ -101,7 +109,7 @@ class ArmForce(WithBounds):
         bandwidth: float = 50.0,
         frame: str | None = None,
     ) -> ArmForce:
-        """Return an estimator from a model of an arm: bodies, motors, offsets, friction and its growth, bands.
+        """Return an estimator from a model of an arm: bodies, motors, offsets, friction and its growth, bands, delay of the torque.
 
         Args:
             model: of a whole arm (`identify --method arm --urdf`).
@@ -132,6 +140,7 @@ class ArmForce(WithBounds):
             bandwidth=bandwidth,
             frame=frame,
             coupling=None if C is None or plain else tuple(map(tuple, C.tolist())),
+            delay=tuple(f.delay for f in frictions),
         )
 
     def inertia_at(self, position: np.ndarray) -> np.ndarray:
@@ -232,7 +241,7 @@ class ArmForce(WithBounds):
 
         Args:
             position: encoder readings [rad or m], (n, J).
-            torque: commands of the ticks; command k acts after reading k [N.m or N], (n, J).
+            torque: commands of the ticks; command k acts after reading k, `delay` before it is recorded [N.m or N], (n, J).
             dt: sampling time [s].
             velocity: at the first reading [rad/s or m/s], (J,); None: the arm rests.
             temperature: of the joints [degC], (n, J); None: 20.
@@ -249,6 +258,7 @@ class ArmForce(WithBounds):
             )
         if not (np.all(np.isfinite(q)) and np.all(np.isfinite(u))):
             raise InvalidInput("Position or torque hold NaN.", remedy="Repair the log (--repair).")
+        u = on_time(u, np.array(self.delay or 0.0), dt)
         runner, n = self.online(dt), q.shape[0]
         out = np.empty((n, 3, J))
         wrenches = np.zeros((n if self.frame is not None else 0, FULL + FULL**2 + 1))

@@ -36,12 +36,13 @@ from backdrive.control.estimators.friction import NOTHING, FrictionEstimator
 from backdrive.control.estimators.gains import by_poles, stationary, threefold
 from backdrive.control.estimators.gains import lag as lag_of
 from backdrive.control.estimators.method import Method
-from backdrive.control.estimators.of_model import fields
+from backdrive.control.estimators.of_model import COUNT, fields
+from backdrive.control.estimators.series import check_series, on_time
 from backdrive.control.estimators.sliding_mode import MotionFilter
 from backdrive.elementary import cos, sin
 from backdrive.errors import InvalidInput
-from backdrive.laws import REFERENCE, kernels
-from backdrive.parameters import FINITE, POSITIVE, WithBounds
+from backdrive.laws import kernels
+from backdrive.parameters import FINITE, NOT_NEGATIVE, POSITIVE, WithBounds
 
 if TYPE_CHECKING:
     from backdrive.control.estimators.arm import ArmForce
@@ -158,12 +159,17 @@ class ExternalForce(WithBounds):
         offset: constant torque of a model beside friction [N.m or N].
         force_rate: for `kalman`, standard deviation of the force's change in one second [N.m or N]; None: that of `bandwidth`.
         encoder_count: for a `kalman` with a force rate, step of the encoder [rad or m].
+        delay: by which the torque of a log is recorded later than motion; `run` takes it out [s]. A loop passes the torque as it
+            acts, so `tick` does not.
+        noise: standard deviation of the torque's noise from sample to sample [N.m or N]; None: not known.
     """
 
     BOUNDS: ClassVar = dict.fromkeys(("inertia", "bandwidth", "force_rate", "encoder_count"), POSITIVE) | {
         "gravity_sin": FINITE,
         "gravity_cos": FINITE,
         "offset": FINITE,
+        "delay": FINITE,
+        "noise": NOT_NEGATIVE,
     }
     CHOICES: ClassVar = {"method": METHODS}
 
@@ -176,7 +182,9 @@ class ExternalForce(WithBounds):
     gravity_cos: float = 0.0
     offset: float = 0.0
     force_rate: float | None = None
-    encoder_count: float = 1e-6
+    encoder_count: float = COUNT
+    delay: float = 0.0
+    noise: float | None = None
 
     @overload
     @classmethod
@@ -194,7 +202,10 @@ class ExternalForce(WithBounds):
     def from_model(
         cls, model: FrictionModel, joint: Any, method: str = "momentum", bandwidth: float = 50.0
     ) -> Any:
-        """Return an estimator from a model of a joint: inertia, gravity, offset, friction and its growth with load.
+        """Return an estimator from a model of a joint: inertia, gravity, offset, friction and its growth with load, delay and
+        noise of the torque, step of the encoder.
+
+        Where the model holds no delay it is 0, where it holds no noise None, and without counts the step is 1e-6 (`COUNT`).
 
         Args:
             model: of friction.
@@ -273,7 +284,7 @@ class ExternalForce(WithBounds):
 
         Args:
             position: encoder readings [rad or m], (n,).
-            torque: commands of the ticks; command k acts after reading k [N.m or N], (n,).
+            torque: commands of the ticks; command k acts after reading k, `delay` before it is recorded [N.m or N], (n,).
             dt: sampling time [s].
             known: torque of gravity and other joints [N.m or N], (n,); None: that of `gravity_sin`, `gravity_cos` alone. All of
                 it is the load of a law that grows.
@@ -286,20 +297,8 @@ class ExternalForce(WithBounds):
         Raises:
             InvalidInput: the series have different lengths, or a temperature is not finite.
         """
-        series = (position, torque, np.zeros(np.size(position)) if known is None else known)
-        q, u, g = (np.ascontiguousarray(x, dtype=np.float64) for x in series)
-        if q.ndim != 1 or q.shape != u.shape or q.shape != g.shape or q.size == 0:
-            raise InvalidInput(
-                f"position {q.shape}, torque {u.shape}, known {g.shape}.", remedy="Give series of one length."
-            )
-        warmth = np.atleast_1d(
-            np.asarray(REFERENCE if temperature is None else temperature, dtype=np.float64)
-        )
-        if warmth.shape not in ((1,), q.shape) or not np.isfinite(warmth).all():
-            raise InvalidInput(
-                f"temperature {warmth.shape} for {q.size} samples, {np.count_nonzero(~np.isfinite(warmth))} not finite.",
-                remedy="Give one finite number, or one per sample.",
-            )
+        q, u, g, warmth = check_series(position, torque, known, temperature)
+        u = on_time(u, self.delay, dt)
         out = np.empty((q.size, 2))
         law = self.friction.law
         outside = np.zeros(1)

@@ -14,6 +14,7 @@ from backdrive.laws import Decaying, Law, Polyline, Rigid, with_element
 from backdrive.model import JointFriction
 
 DECAY = 20.0  # of friction at rest, as in Iwatani 2017, Sec. 4.6 [1/s]
+COUNT = 1e-6  # step of an encoder whose counts are not known [rad or m]
 COUNTS = 8.0  # encoder steps that a contact of unknown stiffness deflects before it slides
 ABRUPT = 10.0  # force, relative to friction, that the filter of `direct` follows if the accelerations are unknown [-]
 CREEP = 0.05  # share of the top speed: sliding up to twice this speed determines friction at rest [-]
@@ -28,7 +29,7 @@ BEND = {
 def fields(
     friction: JointFriction, method: str, bandwidth: float, acceleration: float | None = None
 ) -> dict[str, Any]:
-    """Return the fields of an estimator with inertia, gravity, offset and friction of a joint.
+    """Return the fields of an estimator with inertia, gravity, offset, friction, delay, noise and encoder step of a joint.
 
     Friction at rest is that of a decaying contact (algFE), which leaves no offset when a hand lets go. A known torque in the
     model (`tau_model`) has to be passed as `known`.
@@ -52,7 +53,7 @@ def fields(
         )
     if not 0.0 < bandwidth < np.inf:
         raise InvalidInput(f"A bandwidth of {bandwidth:g} 1/s.", remedy="Give a positive number, such as 50.")
-    law = contact(friction)
+    law, counts = contact(friction), friction.joint.encoder_counts
     follow = ABRUPT * max(at_rest(law), 1e-9) / inertia if acceleration is None else acceleration
     return dict(
         inertia=inertia,
@@ -63,6 +64,9 @@ def fields(
         gravity_sin=value.get("gravity_sin", 0.0),
         gravity_cos=value.get("gravity_cos", 0.0),
         offset=value.get("offset", 0.0),
+        encoder_count=COUNT if not counts else 1.0 / counts,
+        delay=friction.delay,
+        noise=None if friction.torque_channel is None else friction.torque_channel.noise,
     )
 
 
