@@ -11,7 +11,7 @@ from backdrive.cli import main
 from backdrive.control.estimators.external import METHODS, ExternalForce
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
 from backdrive.external import estimate_force
-from backdrive.external.choose import Noise, banded, choose, of_free_motion
+from backdrive.external.choose import Noise, choose, of_free_motion, power_by_band
 
 DT, M, F, B, COUNT = 2e-3, 0.8, 3.0, 1.5, 2e-5
 PUSH = 4.0
@@ -164,7 +164,7 @@ def test_free_motion_corrects_the_noise_and_a_short_one_does_not():
     assert choose(force, wrong)[1] < 20.0  # nothing stands out of such a noise
     assert choose(force, wrong, free=free)[1] > 30.0
     assert choose(force, wrong, free=[(free[0][0][:10], rate)]) == choose(force, wrong)
-    middle, power, count = banded(free[0][0], rate)
+    middle, power, count = power_by_band(free[0][0], rate)
     assert np.average(power, weights=count) == pytest.approx(2.0 * 0.05**2 / rate, rel=0.1)
     assert of_free_motion(free, middle[::5]) == pytest.approx(np.full(middle[::5].size, 1e-5), rel=0.8)
 

@@ -91,7 +91,7 @@ RESPONSES: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
 LIKE = {"direct": "momentum", "disturbance": "momentum"}  # of other methods
 
 
-def banded(force: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def power_by_band(force: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the spectrum of a series in bands of frequency: middles [Hz], powers [(N.m)^2/Hz or N^2/Hz], and lines in each.
 
     Args:
@@ -124,7 +124,7 @@ def of_free_motion(free: Sequence[tuple[np.ndarray, float]], frequency: np.ndarr
     for force, rate in free:
         if force.size < LEAST:
             continue
-        middle, power, count = banded(force, rate)
+        middle, power, count = power_by_band(force, rate)
         smooth = np.convolve(power * count, around, "same") / np.convolve(count, around, "same")
         duration = force.size / rate
         total += duration * np.exp(np.interp(np.log(frequency), np.log(middle), np.log(smooth + 1e-300)))
@@ -148,7 +148,7 @@ def choose(
             geometric mean of its spectrum and that of `noise` counts.
     """
     rate = noise.rate
-    middle, whole, count = banded(force, rate)
+    middle, whole, count = power_by_band(force, rate)
     shown = of_free_motion(free, middle)
     disturbance = noise.spectrum(middle)
     if shown is not None:

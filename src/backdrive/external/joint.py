@@ -69,11 +69,11 @@ def joint_force(
     fastest = max(float(np.abs(s.acceleration).max()) for s in stretches)
     inertia = fields(friction, "momentum", rate)["inertia"]
     if method == AUTO or bandwidth is None:
-        plain = _unsmoothed(friction, stretches, warmth)
+        plain = _raw_force(friction, stretches, warmth)
         longest = max(plain, key=lambda part: part[0].size)[0]
         turning, abrupt = noise_of_reversals(friction, stretches, plain)
         noise = replace(noise_of(friction, one, stretches, inertia), turning=turning, abrupt=abrupt)
-        shown = [part for log in free for part in _noise_shown(friction, log)]
+        shown = [part for log in free for part in _noise_of_free_motion(friction, log)]
         best = choose(longest, noise, None if method == AUTO else method, shown)
         method, bandwidth = best[0], bandwidth or max(best[1], min(least, FASTEST * rate))
     made = ExternalForce(**fields(friction, method, bandwidth, fastest + size / inertia))
@@ -129,7 +129,7 @@ def _stretches(one: Log) -> tuple[Log, list[Signals]]:
     return one, prepare(one, 0)
 
 
-def _unsmoothed(
+def _raw_force(
     friction: JointFriction, stretches: Sequence[Signals], warmth: Sequence[np.ndarray | None]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the external torque [N.m or N] and the state of every stretch by the fastest observer, (n,) each."""
@@ -137,10 +137,10 @@ def _unsmoothed(
     return [(part[1], part[3]) for part in _forces(made, friction, stretches, warmth)]
 
 
-def _noise_shown(friction: JointFriction, log: Log) -> list[tuple[np.ndarray, float]]:
+def _noise_of_free_motion(friction: JointFriction, log: Log) -> list[tuple[np.ndarray, float]]:
     """Return what the fastest observer makes of free motion by stretch [N.m or N], and the sampling frequency [Hz]."""
     stretches = _stretches(log.select(friction.joint.name))[1]
-    series = _unsmoothed(friction, stretches, along_stretches(friction, stretches, []))
+    series = _raw_force(friction, stretches, along_stretches(friction, stretches, []))
     return [(force, s.rate) for (force, _), s in zip(series, stretches, strict=True)]
 
 

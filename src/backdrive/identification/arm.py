@@ -33,7 +33,7 @@ from backdrive.identification.arm_signals import (
     hold_out_blocks,
     prepare_arm,
 )
-from backdrive.identification.arm_slip import ArmSlip, seek_slip, with_known
+from backdrive.identification.arm_slip import ArmSlip, seek_slip, with_delay
 from backdrive.identification.arm_solve import Solution, solve_arm, spread_of
 from backdrive.identification.arm_terms import Regressor, Terms, build, fill_load
 from backdrive.identification.evidence import evidence
@@ -115,7 +115,7 @@ def identify_arm(
 
     loaded = np.full(len(terms), load_friction)
     solution = solve_arm(rows, robot, terms, refill, loaded)
-    slip, wrong = with_known(seek_slip(regressor, terms, solution.beta), delay, logs[0].period)
+    slip, wrong = with_delay(seek_slip(regressor, terms, solution.beta), delay, logs[0].period)
     if slip is not None and slip.is_significant:
         seen, unseen = ([s.shift(slip.delay) for s in some] for some in (seen, unseen))
         regressor = Regressor(robot, seen)

@@ -21,8 +21,8 @@ from backdrive.identification import regression
 from backdrive.identification.arm_errors import blocks_of
 from backdrive.identification.arm_signals import ArmSignals
 from backdrive.identification.arm_terms import Regressor, Rows, Terms, build, steps_of
-from backdrive.identification.known_delay import contradiction
 from backdrive.identification.quality import JUDGED_BELOW
+from backdrive.identification.user_delay import contradiction
 from backdrive.logs.filters import derivative, low_pass
 
 ROUNDS = 4  # largest number of shifts of the torque
@@ -84,7 +84,7 @@ def seek_slip(regressor: Regressor, terms: Sequence[Terms], beta: np.ndarray) ->
     return None if left is None else ArmSlip(delay=total, error=left.error)
 
 
-def with_known(
+def with_delay(
     slip: ArmSlip | None, delay: float | None, period: float
 ) -> tuple[ArmSlip | None, tuple[str, ...]]:
     """Return a known delay in place of the estimate, and a warning if the estimate contradicts it.

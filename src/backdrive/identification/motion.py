@@ -26,7 +26,6 @@ from backdrive.identification.evidence import (
     sentences,
     without_errors,
 )
-from backdrive.identification.known_delay import describe
 from backdrive.identification.motion_bins import (
     BIN_TIME,
     FILLED,
@@ -48,6 +47,7 @@ from backdrive.identification.slip import Slip, fit, fix_slip, search_slip, with
 from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
+from backdrive.identification.user_delay import describe
 from backdrive.logs.log import Joint, Log
 from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity

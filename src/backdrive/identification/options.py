@@ -24,8 +24,8 @@ from backdrive._arguments import (
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput
 from backdrive.identification.alignment import Start
-from backdrive.identification.known_delay import known_delay
 from backdrive.identification.timing import Timing
+from backdrive.identification.user_delay import user_delay
 from backdrive.laws import Law
 from backdrive.logs.log import Drive, Log
 from backdrive.model import FrictionModel, Prior
@@ -123,7 +123,7 @@ class Options:
             InvalidInput: there is such an option, or two contradict each other.
         """
         given = self.overrides()
-        if self.delay_known(method) is not None and self.timing is not None:
+        if self.user_delay(method) is not None and self.timing is not None:
             raise InvalidInput(
                 "Both the timing of the torque and its delay are known.",
                 remedy="Give one: --torque-timing sample is --known delay=0.",
@@ -141,9 +141,9 @@ class Options:
                     remedy="Leave it out: both directions have a curve of their own.",
                 )
 
-    def delay_known(self, method: str) -> float | None:
+    def user_delay(self, method: str) -> float | None:
         """Return the delay of the torque that the user knows [s], for any method; None without one."""
-        delay = known_delay(self.known, method)
+        delay = user_delay(self.known, method)
         return self.known.get("delay") if method == "dynamic" else delay
 
     def check(self) -> None:

@@ -228,7 +228,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     if held_out and method not in ("motion", "arm", "dynamic"):
         options.say("Judging on the held-out logs")
         model, evidence = _validate_on(model, evidence, held_out)
-    model, evidence = _with_verdicts(model, evidence, logs, options.delay_known(method))
+    model, evidence = _with_verdicts(model, evidence, logs, options.user_delay(method))
     limits = limits_of(options.urdf)
     model = replace(
         model,
@@ -276,7 +276,7 @@ def _arm(logs: Sequence[Log], held_out: Sequence[Log], options: Options) -> Outc
     from backdrive.identification.arm import identify_arm
 
     options.say("Identifying the arm")
-    given: dict[str, Any] = {"cutoff": options.cutoff, "delay": options.delay_known("arm")}
+    given: dict[str, Any] = {"cutoff": options.cutoff, "delay": options.user_delay("arm")}
     return identify_arm(logs, options.urdf, held_out=held_out, **given)
 
 
@@ -309,7 +309,7 @@ def _one(
     method: str, logs: Sequence[Log], name: str, held_out: Sequence[Log], options: Options
 ) -> tuple[JointFriction, JointEvidence]:
     module, function, heeded = ONE_JOINT["payload" if options.payloads is not None else method]
-    late = options.delay_known(method)
+    late = options.user_delay(method)
     given: dict[str, Any] = {n: late if n == "delay" else getattr(options, n) for n in heeded}
     if isinstance(given.get("law"), (list, tuple)):
         given["law"] = ",".join(given["law"])

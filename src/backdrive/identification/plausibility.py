@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from backdrive.identification import known_delay
 from backdrive.identification import plausibility_logs as beside
 from backdrive.identification import plausibility_numbers as numbers
 from backdrive.identification import plausibility_residual as residual
@@ -33,7 +32,7 @@ RULES: tuple[Rule, ...] = (
     numbers.external_share,
     numbers.one_way,
     numbers.directions,
-    known_delay.remark,
+    beside.user_delay,
     numbers.delay_range,
     beside.plan,
     beside.siblings,

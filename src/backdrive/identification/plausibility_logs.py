@@ -1,16 +1,20 @@
-"""Plausibility rules on data other than a joint's own channels: the plan of the motion, and other joints."""
+"""Plausibility rules on data other than a joint's own channels: the plan of the motion, a known delay, and other joints."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
 
+from backdrive.errors import BackdriveError
 from backdrive.identification.alignment import is_of_joint, tempo
 from backdrive.identification.auto import own_turn
+from backdrive.identification.motion import identify_motion
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import Residual
+from backdrive.identification.user_delay import contradiction
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 
@@ -105,3 +109,21 @@ def _motion(log: Log, column: int) -> list[np.ndarray]:
         return [np.zeros_like(slow), slow, filters.derivative(slow, log.period)]
     velocity = filters.derivative(slow, log.period)
     return [slow, velocity, filters.derivative(velocity, log.period)]
+
+
+def user_delay(case: Case) -> Remark | None:
+    """Remark on a known delay that the motion contradicts."""
+    if case.known_delay is None or case.friction.method == "arm" or not case.logs:
+        return None
+    shows = _apparent(case.logs, case.friction.joint.name)
+    sentence = contradiction(case.known_delay, shows, case.logs[0].period)
+    return Remark(severity="care", sentence=sentence) if sentence else None
+
+
+def _apparent(logs: Sequence[Log], joint: str) -> tuple[float, float]:
+    """Return the delay that the motion of a single axis shows, and its standard error [s]; NaN if it shows none."""
+    with suppress(BackdriveError):
+        friction, _ = identify_motion(logs, joint)
+        if (slip := friction.dynamics.get("time_slip")) is not None:
+            return slip.value, slip.standard_error
+    return float("nan"), float("nan")

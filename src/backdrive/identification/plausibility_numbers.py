@@ -150,7 +150,7 @@ def delay_range(case: Case) -> Remark | None:
     """Remark on a delay too long for a clock offset, graver if the delay is poorly known and may be even longer."""
     value, error = case.value("time_slip")
     if case.known_delay is not None:
-        return None  # the rule of `known_delay` compares it with the motion
+        return None  # the rule of `user_delay` compares it with the motion
     spread = 2.0 * error if math.isfinite(error) else 0.0
     if not abs(value) + spread >= LARGEST_SLIP:
         return None

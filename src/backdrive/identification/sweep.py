@@ -17,7 +17,6 @@ from backdrive.identification.curves import knot_names, widen_below
 from backdrive.identification.evidence import evidence, parts_of
 from backdrive.identification.function_a import SHARE, correct_pairs, function_a
 from backdrive.identification.function_a import literal as literal_pairs
-from backdrive.identification.known_delay import describe
 from backdrive.identification.quality import assess_parts
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
@@ -29,6 +28,7 @@ from backdrive.identification.sweep_verdict import error_of_curve, verdict
 from backdrive.identification.sweep_windows import find_windows, windows
 from backdrive.identification.terms import estimates
 from backdrive.identification.timing import Timing
+from backdrive.identification.user_delay import describe
 from backdrive.laws import Growth, Law
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Covariance, JointFriction, Validity

@@ -124,7 +124,7 @@ def fit_joint(task: Task) -> JointFit:
     """
     name = task.info.name
     check_bounds(task.options.bounds, task.laws, task.others)
-    work = planned(task)
+    work = work_of(task)
     options = task.options = replace(task.options, progress=work.say)
     candidates: list[Candidate] = []
     failure: BackdriveError | None = None
@@ -194,7 +194,7 @@ def fit_joint(task: Task) -> JointFit:
     )
 
 
-def planned(task: Task) -> Work:
+def work_of(task: Task) -> Work:
     """Return the work of a joint: a fit of every law, and one to all data where windows are held out."""
     samples = sum(map(len, task.masks))
     sizes = [size_of(law, samples) for law in task.laws]

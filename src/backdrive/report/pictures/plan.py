@@ -168,7 +168,7 @@ def _draw(axes: Any, theme: Theme, plan: Any, single: tuple[Any, ...], panel: st
         t = np.unique(np.concatenate([t, one.windows().ravel()]))
         y, windows = getattr(one, panel)(t), one.windows()
         taken = _samples(one, t, y) if panel == "velocity" else None
-        pick = _drawn(t, y, plan.duration, taken)
+        pick = _outline_with_edges(t, y, plan.duration, taken)
         t, y, taken = t[pick], y[pick], None if taken is None else taken[pick]
         for begin, end in windows[::2]:
             axes.axvspan(begin, end, facecolor=theme.band, alpha=_SHADE, linewidth=0, zorder=0)
@@ -199,7 +199,9 @@ def _outline(t: np.ndarray, y: np.ndarray, duration: float, tall: float = PANEL)
     return sizes.outline(wide * t, tall / max(float(np.ptp(y)), 1e-300) * y, columns)
 
 
-def _drawn(t: np.ndarray, y: np.ndarray, duration: float, taken: np.ndarray | None) -> np.ndarray:
+def _outline_with_edges(
+    t: np.ndarray, y: np.ndarray, duration: float, taken: np.ndarray | None
+) -> np.ndarray:
     """Return the same with the ends of the samples that are marked, (n,), if there are any."""
     edges = np.empty(0, dtype=np.intp) if taken is None else np.flatnonzero(np.diff(taken.astype(int)))
     return np.union1d(_outline(t, y, duration), np.concatenate([edges, edges + 1]))

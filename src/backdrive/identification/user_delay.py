@@ -6,12 +6,10 @@ inertia and friction near reversals, but hardly the residual.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping
 
-from backdrive.errors import BackdriveError, InvalidInput
-from backdrive.identification.remark import SURE, Case, Remark
-from backdrive.logs.log import Log
+from backdrive.errors import InvalidInput
+from backdrive.identification.remark import SURE
 
 LONGEST = 1.0  # largest size of a known delay [s]
 CLOSE = 5e-4  # least difference from the motion's delay with a remark [s], or half a sampling interval if that is longer
@@ -21,7 +19,7 @@ WITHOUT = {
 }  # method -> reason why it takes no delay
 
 
-def known_delay(known: Mapping[str, float], method: str) -> float | None:
+def user_delay(known: Mapping[str, float], method: str) -> float | None:
     """Return the delay that the user knows [s]; None if none is given, or if the method is a search, which takes other names too.
 
     Args:
@@ -74,23 +72,3 @@ def contradiction(delay: float, shows: tuple[float, float], period: float) -> st
         f"The delay of the torque is known as {1e3 * delay:.4g} ms, but the motion shows {1e3 * value:.3g} ± {1e3 * error:.2g} ms. "
         "Check its sign and unit (--known delay=SECONDS, positive where torque is logged after the motion), or leave it out."
     )
-
-
-def remark(case: Case) -> Remark | None:
-    """Remark on a known delay that the motion contradicts."""
-    if case.known_delay is None or case.friction.method == "arm" or not case.logs:
-        return None
-    shows = _apparent(case.logs, case.friction.joint.name)
-    sentence = contradiction(case.known_delay, shows, case.logs[0].period)
-    return Remark(severity="care", sentence=sentence) if sentence else None
-
-
-def _apparent(logs: Sequence[Log], joint: str) -> tuple[float, float]:
-    """Return the delay that the motion of a single axis shows, and its standard error [s]; NaN if it shows none."""
-    from backdrive.identification.motion import identify_motion
-
-    with suppress(BackdriveError):
-        friction, _ = identify_motion(logs, joint)
-        if (slip := friction.dynamics.get("time_slip")) is not None:
-            return slip.value, slip.standard_error
-    return float("nan"), float("nan")

@@ -5,7 +5,7 @@ import pytest
 
 from backdrive import Joint, Log, identify
 from backdrive.errors import InvalidInput
-from backdrive.identification.arm_slip import ArmSlip, with_known
+from backdrive.identification.arm_slip import ArmSlip, with_delay
 from backdrive.identification.options import Options
 
 RATE, LATE, INERTIA, COULOMB, VISCOUS = 1000.0, 0.004, 0.15, 1.5, 0.4
@@ -83,12 +83,12 @@ def test_a_sweep_takes_a_known_delay():
 
 def test_an_arm_takes_a_known_delay_and_compares_it():
     found = ArmSlip(delay=0.004, error=2e-4)
-    assert with_known(found, None, 1e-3) == (found, ())
-    assert with_known(found, 0.004, 1e-3) == (ArmSlip(delay=0.004, error=0.0), ())
-    slip, wrong = with_known(found, 0.0, 1e-3)
+    assert with_delay(found, None, 1e-3) == (found, ())
+    assert with_delay(found, 0.004, 1e-3) == (ArmSlip(delay=0.004, error=0.0), ())
+    slip, wrong = with_delay(found, 0.0, 1e-3)
     assert slip.is_significant
     assert "known as 0 ms, but the motion shows 4 ± 0.2 ms" in wrong[0]
-    assert with_known(None, 0.01, 1e-3)[1] == ()
+    assert with_delay(None, 0.01, 1e-3)[1] == ()
 
 
 @pytest.mark.parametrize(
