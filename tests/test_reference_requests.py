@@ -81,7 +81,8 @@ FOR = {
     "law": ("motion", "constant-velocity", "dynamic"), "gravity": ("motion", "dynamic"), "literal": ("sweep",),
     "timing": ("sweep",), "payloads": ("sweep",), "cutoff": ("motion", "arm", "dynamic"),
     "joints": ("sweep", "constant-velocity", "motion", "ramp", "dynamic"), "urdf": ("arm",), "delay": ("dynamic",),
-    "bounds": ("dynamic",), "known": ("dynamic",), "drive": ("dynamic",), "loss": ("dynamic",), "interval": ("dynamic",),
+    "bounds": ("dynamic",),
+    "known": ("motion", "sweep", "arm", "dynamic"), "drive": ("dynamic",), "loss": ("dynamic",), "interval": ("dynamic",),
     "step": ("dynamic",), "seed": ("dynamic",), "symmetric": ("sweep", "constant-velocity", "motion", "ramp", "arm", "dynamic"),
     "prior": ("sweep", "constant-velocity", "motion", "dynamic"),
 }  # fmt: skip
@@ -91,7 +92,7 @@ PRIOR = Prior(
 )  # fmt: skip
 SET = {
     "law": "polyline", "gravity": True, "literal": True, "timing": "sample", "payloads": [(1.0, 2.0)], "cutoff": 9.0,
-    "joints": ["a"], "urdf": "r.urdf", "delay": False, "bounds": {"inertia": (1.0, 2.0)}, "known": {"inertia": 1.0},
+    "joints": ["a"], "urdf": "r.urdf", "delay": False, "bounds": {"inertia": (1.0, 2.0)}, "known": {"delay": 0.004},
     "drive": Drive(law="torque"), "loss": "linear", "interval": "profile", "step": 1e-3, "seed": 3, "symmetric": True,
     "prior": (PRIOR,),
 }  # fmt: skip
@@ -106,7 +107,10 @@ def test_an_option_is_for_some_methods_and_refused_by_the_others(option, method)
         if method in FOR[option]:
             Options(**{option: value}).applicable(method)
         else:
-            with pytest.raises(InvalidInput, match=f"'{option}' does not apply to the method '{method}'"):
+            reason = f"'{option}' does not apply to the method '{method}'"
+            if option == "known":
+                reason = f"The method '{method}' has no delay that could be known"
+            with pytest.raises(InvalidInput, match=reason):
                 Options(**{option: value}).applicable(method)
     usual = getattr(Options(), option)
     for nothing in (usual, *((None, [], ()) if usual is None else ())):
@@ -538,12 +542,12 @@ def test_options_reach_the_method_that_they_are_for(asked):
     identify([log], method="sweep", literal=True, symmetric=False, timing="sample")
     assert asked.calls.pop()[0::3] == (
         "identify_sweep",
-        {"literal": True, "symmetric": False, "timing": "sample"},
+        {"literal": True, "symmetric": False, "timing": "sample", "delay": None},
     )
     identify([log], method="sweep", payloads=[(1.0, 2.0)], timing="command")
     kind, _, rest, options = asked.calls.pop()
     assert (kind, rest) == ("identify_payload", ("a",))
-    assert options == {"payloads": [(1.0, 2.0)], "timing": "command"}
+    assert options == {"payloads": [(1.0, 2.0)], "timing": "command", "delay": None}
     identify([log], method="constant-velocity", symmetric=True, law="coulomb-viscous")
     assert asked.calls.pop()[0::3] == (
         "identify_constant_velocity",

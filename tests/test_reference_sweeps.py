@@ -499,6 +499,7 @@ def delays_of(monkeypatch, found, told=None, coarse=None, from_coarse=(), **more
         lambda s, cycles, start=0.0: (from_coarse if start else found)[int(s[0].time[0])],
     )
     monkeypatch.setattr(sweep_delay, "windows", lambda log, joint, plan, s: None)
+    monkeypatch.setattr(sweep_delay, "_doubt", lambda *_: "The motion does not show which.")
     stretches = [[SimpleNamespace(rate=RATE * (1 + k), time=np.array([float(k)]))] for k in range(len(found))]
     logs = [SimpleNamespace(plan=None)] * len(found)
     options = {"timing": None, "literal": False} | more

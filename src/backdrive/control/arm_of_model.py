@@ -84,9 +84,8 @@ def joints_of(  # noqa: PLR0913  (settings that `ArmLoop.from_model` hands over 
         estimator = alg_fe(friction.law, K)
         compensator = nothing()
         if share > 0.0:
-            compensator = alg_fc(
-                friction.law, K, dither=dither, share=min(share, _own(friction, contact)[0] / K)
-            )
+            most = _own(friction, contact)[0] / K if share <= 1.0 else share  # `JointLoop` refuses that
+            compensator = alg_fc(friction.law, K, dither=dither, share=min(share, most))
         loop = JointLoop(
             compensator=compensator,
             limit=min(torque_limit(compensator, own.velocity), own.effort),

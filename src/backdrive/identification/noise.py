@@ -53,9 +53,7 @@ class Noise:
         """
         full = z @ _toeplitz(z.T, self.correlation)
         white = z @ z.T
-        small = np.diag(full) < LEAST * np.diag(white)
-        scale = (self.widening[run] * self.size[run]) ** 2
-        return scale * (LEAST * white if small.any() else 0.5 * (full + full.T))
+        return (self.widening[run] * self.size[run]) ** 2 * _possible(full, white)
 
 
 def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], degree: int = 1) -> Noise:
@@ -131,10 +129,29 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
     inside = float(np.mean(np.abs(residual[used]) <= width))
     full, white = kept.T @ _toeplitz(kept, correlation), kept.T @ kept
     bread = regression.invert(white) / max(inside, LEAST)
-    middle = LEAST * white if np.any(np.diag(full) < LEAST * np.diag(white)) else 0.5 * (full + full.T)
     lost = size / max(size - p, 1)
-    covariance = products[0] * lost * bread @ middle @ bread
+    covariance = products[0] * lost * bread @ _possible(full, white) @ bread
     return regression.widen_covariance(covariance, independent - p)
+
+
+def _possible(full: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """Return the covariance of weighted sums, or the nearest possible one, since an estimated correlation need not be one, (k, k).
+
+    Args:
+        full: by the estimated correlation, for noise of unit size, (k, k).
+        white: for white noise of the same size, (k, k).
+    """
+    if np.any(np.diag(full) < LEAST * np.diag(white)):
+        return LEAST * white
+    full = 0.5 * (full + full.T)
+    if len(full) == 1:
+        return full
+    size = np.sqrt(np.maximum(np.diag(white), 1e-300))
+    values, vectors = np.linalg.eigh(full / np.outer(size, size))
+    if values[0] > 0.0:
+        return full
+    least = LEAST * np.einsum("ik,ij,jk->k", vectors, white / np.outer(size, size), vectors)
+    return (vectors * np.where(values > 0.0, values, least)) @ vectors.T * np.outer(size, size)
 
 
 def taper(correlation: np.ndarray, count: int) -> np.ndarray:

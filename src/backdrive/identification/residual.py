@@ -157,6 +157,8 @@ class Residual:
         fit = Z @ coefficients
         scores = np.add.reduceat(Z * (left - fit)[:, None], self._blocks, axis=0)
         middle = scores.T @ scores * B / (B - 1)
+        if not np.isfinite(middle).all():
+            return None
         middle = np.linalg.pinv(middle) if k > 1 or middle[0, 0] == 0.0 else 1.0 / middle
         moment = Z.T @ fit
         wald = float(moment @ middle @ moment)

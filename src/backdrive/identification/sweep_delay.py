@@ -130,11 +130,8 @@ def drive_delays(
     if not (error < TOLD * period or is_long(late, error, period, coarse)):
         for i in open_:
             errors[i] = 0.5 * period  # a sampled torque is equally likely
-        return (
-            delays,
-            errors,
-            [_doubt(logs[i], joint, stretches[i], c) for i, c in zip(open_, cycles, strict=True)][:1],
-        )
+        first = open_[0]
+        return delays, errors, [_doubt(logs[first], joint, stretches[first], cycles[0])]
     for i in open_:
         delays[i], errors[i] = delay, error
     amount = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
