@@ -147,3 +147,18 @@ def test_friction_that_follows_the_load_is_said_from_one_center(made):
     record = made.record(plain, made.sweep(0.9, 0.7, 1.5, 10), made.Logger(rate=500.0, noise=0.03), rng)
     (friction,) = identify(to_log(record)).model.joints
     assert not any("depends on the load" in w for w in friction.warnings)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_sampled_torque_is_not_taken_for_a_command_by_its_reversals(made, seed):
+    """The instant at which stiff friction changes sign was taken for half an interval, without any error."""
+    rng = np.random.default_rng(seed)
+    joint = made.Joint(inertia=0.155, coulomb=0.99, viscous=0.246, offset=0.05, width=1.06e-4)
+    logger = made.Logger(rate=200.0, noise=0.058, counts=2.0**20)
+    records = [made.record(joint, made.sweep(c, 0.3, 1.6, 6), logger, rng) for c in (-1.588, -0.388, 0.812)]
+    (friction,) = identify([to_log(r) for r in records], method="sweep").model.joints
+    slip = friction.dynamics["time_slip"]
+    assert abs(slip.value) < 3.0 * slip.standard_error + 0.25 / logger.rate
+    speeds = np.array([0.4, 1.4])
+    slow, fast = 0.5 * (friction.law.torque(speeds) - friction.law.torque(-speeds))
+    assert (fast - slow) / np.diff(speeds)[0] == pytest.approx(joint.viscous, rel=0.1)

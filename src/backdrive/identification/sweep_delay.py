@@ -33,6 +33,9 @@ SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [
 SIGNIFICANT = 4.0  # least significance of a growth of friction with the load [standard error]
 CORNER = 6.5  # cutoff frequency of the low pass, relative to the frequency of the fastest cycle [-]
 TOLD = 0.5  # largest standard error of an estimated delay [sampling interval]
+PLAIN = (
+    2.0  # largest distance of the delay from that of a command or a sample without a remark [standard error]
+)
 ROUNDS = 4  # number of iterations, in each of which the torque is shifted by the last estimate of d
 
 
@@ -134,6 +137,9 @@ def drive_delays(
         return delays, errors, [_doubt(logs[first], joint, stretches[first], cycles[0])]
     for i in open_:
         delays[i], errors[i] = delay, error
+    near, far = sorted((abs(delay), abs(delay + 0.5 * period)))
+    if near < PLAIN * error and far > SIGNIFICANT * error:
+        return delays, errors, []  # either commanded or sampled, as usual
     amount = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
     how = f"was logged {amount} after it acted"
     if late <= period:

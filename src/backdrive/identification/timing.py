@@ -2,7 +2,8 @@
 
 A command u_k acts from t_k to t_k+1, on average half an interval later than position and velocity at t_k. A measured torque
 belongs to t_k itself. Confusing the two biases a sweep's curve by up to -1.9 I V^3 T / A^2. The inertia distinguishes them,
-since a torque with the delay d adds -I d times the jerk (`design`).
+since a torque with the delay d adds -I d times the jerk (`design`). Only sliding tells: near a reversal, where the jerk is largest,
+the instant at which friction changes sign would be taken for a delay.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     knots = float(np.percentile(speeds, 99.9)) * np.array(
         [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
     )
-    blocks = bin_means(stretches, knots, _means, reversals=True).equations()
+    blocks = bin_means(stretches, knots, _means).equations()
     theta = blocks.solution()
     if not theta[0] > 0:
         return None, float("nan"), float("nan")
