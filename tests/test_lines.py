@@ -89,3 +89,10 @@ def test_errors_of_a_process_fit_a_page(tmp_path):
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) > 1
     assert max(map(len, done.stderr.splitlines())) <= USUAL
+
+
+def test_json_with_a_long_text_is_broken_at_the_width(monkeypatch):
+    """A text longer than a quotation is; the quotes behind it were paired the wrong way, and nothing was broken."""
+    pairs = ", ".join(f'"key_{i}": "value_{i}"' for i in range(9))
+    line = 'options {"citation": "' + "word " * 20 + 'end, 2024", ' + pairs
+    assert max(map(len, lines_of(line, monkeypatch))) <= USUAL

@@ -39,6 +39,7 @@ EXCEPTIONS = {
     "Outlier": "one of a fleet's joints; `write_page` shows them all",
     "Plan": "the base class of the plans of one joint, each of which has its cell",
     "Population": "what siblings have in common; a file that `compare` and `write_page` read",
+    "Prior": "what `identify` takes; the model shows what became of it",
     "Robot": "a robot's description, which comes from a file",
     "Store": "a folder of results",
 }

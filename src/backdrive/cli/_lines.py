@@ -14,7 +14,7 @@ _GLUE = "\ue000"  # stands for a space at which no line is broken
 _WHOLE = tuple(
     re.compile(pattern)
     for pattern in (
-        r"\"[^\"\n]{1,70}\"|`[^`\n]{1,70}`|(?<!\w)'[^'\n]{1,70}'(?!\w)",
+        r"(?<!\w)\"(?!\s)[^\"\n]{1,70}\"(?!\w)|`[^`\n]{1,70}`|(?<!\w)'[^'\n]{1,70}'(?!\w)",
         r"\(--?[a-z][^()\n]{1,60}\)",
         r"(?<![\w-])--[a-z][\w-]* (?=\S*[=\d\"'*/]|[A-Z]{2})\S+",
         r"(?<![\w/])(?:pip[ ]install|backdrive [a-z][\w-]*)(?: (?:--?[a-z][\w-]*|[A-Z][A-Z_]+|\S*[\"/*\[]\S*|\S+\.\w+))+",
