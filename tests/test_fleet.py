@@ -419,7 +419,17 @@ def test_commands(results, logs, tmp_path):
     page = tmp_path / "page.html"
     assert called("fleet", "page", "-o", results, "--page", page).returncode == 0
     assert "robot000" in page.read_text()
-    assert called("fleet", "merge", "-o", results, "--population", tmp_path / "p.json").returncode == 0
+    population = tmp_path / "p.json"
+    assert called("fleet", "merge", "-o", results, "--population", population).returncode == 0
+    held = next(logs.rglob("*.npz"))
+    twice = called("identify", held, "--prior", population)
+    assert twice.returncode == 2
+    assert "count twice" in " ".join(twice.stderr.split())
+    without = called("fleet", "merge", "-o", results, "--population", population, "--without", "robot00")
+    assert without.returncode == 2
+    alone = called("fleet", "merge", "-o", results, "--population", population, "--without", "robot000")
+    assert "No type in" in alone.stderr  # of three robots two are left
+    assert "Did you mean 'robot00" in " ".join(without.stderr.split())
     assert called("fleet", "nosuch", "-o", tmp_path / "r").returncode == 3
     assert called("fleet", logs, "-o", tmp_path / "r", "--shard", "4/3").returncode == 2
     assert not (tmp_path / "r").exists()

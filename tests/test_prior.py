@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from backdrive import Joint, Log, identify, load_model
+from backdrive import Joint, Log, identify, load_model, read_log
 from backdrive.cli import app
 from backdrive.errors import InvalidInput, ModelFileError, UnknownName
 from backdrive.fleet.population_file import Member, Population
@@ -297,7 +297,35 @@ def test_priors_that_do_not_fit_are_refused(log):
     assert identify(log, prior=population(joint="q1")).model.joint("j1").prior is not None  # the only joint
 
 
-def test_the_command_line_takes_a_population_or_a_model(log, alone, tmp_path):
+def test_a_log_is_not_counted_twice(log, alone, tmp_path):
+    with pytest.raises(InvalidInput, match=r"holds this very log, which would count twice"):
+        identify(log, prior=alone.model)  # without files the numbers themselves tell
+    paths = []
+    for k in range(3):
+        paths.append(str(tmp_path / f"log{k}.npz"))
+        one = log_of(3.0, 2.0, seed=k)
+        np.savez(paths[-1], t=one.time, q=one.position, tau=one.torque)
+    first, second, third = map(read_log, paths)
+    one = identify(first).model
+    both = identify(second, prior=one).model
+    assert both.joints[0].prior.logs == (first.sources[0].sha256,)
+    with pytest.raises(InvalidInput, match=r"log0\.npz"):
+        identify([first, third], prior=one)
+    both.save(tmp_path / "both.json")
+    for twice in (first, second):  # a chain of priors, through a file
+        with pytest.raises(InvalidInput, match="count twice"):
+            identify(twice, prior=load_model(tmp_path / "both.json"))
+    assert identify(third, prior=load_model(tmp_path / "both.json")).model.joints[0].prior.applied
+    held = replace(population(), logs=(first.sources[0].sha256[:16],))
+    held.save(tmp_path / "p.json")
+    with pytest.raises(InvalidInput, match=r"population of 40 robots.*log0\.npz"):
+        identify(first, prior=Population.load(tmp_path / "p.json"))
+    assert identify(second, prior=held).model.joints[0].prior.logs == ()
+    apart = identify(first, prior=replace(population(mean=(2.0, 0.7)), logs=held.logs[:0])).model
+    assert not apart.joints[0].prior.applied
+
+
+def test_the_command_line_takes_a_population_or_a_model(log, tmp_path):
     run, path = CliRunner().invoke, str(tmp_path / "log.npz")
     np.savez(path, t=log.time, q=log.position, tau=log.torque)
     population().save(tmp_path / "p.json")
@@ -308,7 +336,7 @@ def test_the_command_line_takes_a_population_or_a_model(log, alone, tmp_path):
     assert load_model(tmp_path / "m.json").joints[0].prior.applied
     document = json.loads(run(app, [*given, "--json"]).output)
     assert document["model"]["joints"][0]["prior"]["numbers"][0]["name"] == "constant"
-    alone.model.save(tmp_path / "former.json")
+    identify(log_of(3.3, 1.9, seed=5)).model.save(tmp_path / "former.json")
     assert run(app, ["identify", path, "--prior", str(tmp_path / "former.json")]).exit_code == 0
     assert isinstance(run(app, [*given, "--prior-type", "kuka"]).exception, UnknownName)
     with_model = run(

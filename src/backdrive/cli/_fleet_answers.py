@@ -167,6 +167,14 @@ def merge(
         typer.Option("--model", help="Model file of the mean robot; errors are the spread between robots."),
     ] = None,
     type: Annotated[str, typer.Option("--type", help="Type of the robots of --model.")] = "",
+    without: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--without",
+            metavar="ROBOT",
+            help="Robot to leave out, whose next log is to be combined with the population; may be repeated.",
+        ),
+    ] = None,
 ) -> None:
     """Merge robots of a type to a population: the mean robot and the spread between robots.
 
@@ -175,7 +183,7 @@ def merge(
     from backdrive.fleet.population import merge as merged
 
     check_targets([population, model], [])
-    result = merged(output)
+    result = merged(output, without=without or ())
     if model is not None:
         result.model(type).save(model)
     result.save(population)

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.errors import NotIdentifiable
+from backdrive._catalog import did_you_mean
+from backdrive.errors import NotIdentifiable, UnknownName
 from backdrive.fleet.drift import RATE, benjamini_hochberg, key_of
 from backdrive.fleet.history import History, histories
-from backdrive.fleet.population_file import Member, Pair, Population
+from backdrive.fleet.population_file import MOST_LOGS, Member, Pair, Population
 from backdrive.fleet.store import Store
+from backdrive.model.prior import DIGITS
 
 FEWEST = 5  # least number of robots of a type for detecting outliers
 LEAST = 3  # robots of a population
@@ -168,7 +170,7 @@ def _against_siblings(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return p, count
 
 
-def merge(folder: str | os.PathLike) -> Population:
+def merge(folder: str | os.PathLike, *, without: Sequence[str] = ()) -> Population:
     """Return the population of every type and joint: the mean robot, and the spread between robots.
 
     The method of moments for random effects is used (DerSimonian & Laird 1986). The scatter of the robots' means is the spread
@@ -177,11 +179,22 @@ def merge(folder: str | os.PathLike) -> Population:
 
     Args:
         folder: of the results.
+        without: robots that are left out, such as one whose next log is to be combined with the population.
 
     Raises:
+        UnknownName: there are no results of a robot in `without`.
         NotIdentifiable: no type has three robots.
     """
-    joints = histories(Store.open(folder).table())
+    table = Store.open(folder).table()
+    robots = np.array(table.column("robot").to_pylist(), dtype=object)
+    for name in without:
+        if name not in robots:
+            raise UnknownName(
+                f"There are no results of robot '{name}' in {folder}.",
+                remedy=f"{did_you_mean(name, sorted(set(robots)))}`backdrive fleet status` counts what is there.",
+            )
+    table = table.filter(~np.isin(robots, list(without)))
+    joints = histories(table)
     apart = {(one.robot, one.joint) for one in outliers(joints)}
     members = []
     for (kind, joint), group in sorted(_groups(joints).items()):
@@ -217,7 +230,8 @@ def merge(folder: str | os.PathLike) -> Population:
             f"No type in {folder} has {LEAST} robots.",
             remedy="Run more robots, or name their type in a manifest.",
         )
-    return Population(members=tuple(members))
+    logs = sorted({digest[:DIGITS] for digest in table.column("digest").to_pylist()})
+    return Population(members=tuple(members), logs=tuple(logs) if len(logs) <= MOST_LOGS else ())
 
 
 def _pairs(matrix: np.ndarray) -> tuple[Pair, Pair]:

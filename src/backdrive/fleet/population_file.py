@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 FORMAT, SCHEMA = "backdrive-population", 2
 OLDER = 1  # older schema, without temperatures: its fields all exist in the present one
 MOST = 256 << 20  # of a file [B]
+MOST_LOGS = 100_000  # that are kept by digest; one of more weighs nothing
 Pair = tuple[float, float]
 
 
@@ -50,11 +51,14 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     temperature: float | None = None
     warmth: Pair = (0.0, 0.0)
 
-    def prior(self) -> Prior:
+    def prior(self, logs: tuple[str, ...] = ()) -> Prior:
         """Return what is known of a further robot before its first log: the mean robot, and the spread between robots and days.
 
         The error of the mean is part of the spread. Beyond constant and viscous part, such as on the difference of both
         directions, the population says nothing.
+
+        Args:
+            logs: of the population, by digest.
         """
         from backdrive.model.prior import Prior, both_ways
 
@@ -75,6 +79,7 @@ class Member(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             slopes=(False, True),
             temperature=self.temperature,
             warmth=self.warmth,
+            logs=logs,
         )
 
     def posterior(
@@ -118,9 +123,12 @@ class Population:
 
     Attributes:
         members: one a type and joint.
+        logs: first digits of the SHA-256 of its log files, so that none of them is combined with it; empty if there are more
+            than 100,000.
     """
 
     members: tuple[Member, ...]
+    logs: tuple[str, ...] = ()
 
     def of(self, type: str = "") -> list[Member]:
         """Return the joints of a type.
@@ -151,7 +159,7 @@ class Population:
                 f"The population has {len(kinds)} types: {', '.join(map(repr, kinds))}.",
                 remedy="Name that of the robot: --prior-type TYPE, or population.priors(type).",
             )
-        return tuple(one.prior() for one in self.of(kinds[0] if type is None else type))
+        return tuple(one.prior(self.logs) for one in self.of(kinds[0] if type is None else type))
 
     def model(self, type: str = "") -> FrictionModel:
         """Return the mean robot of a type; standard errors and covariance are the spread between robots."""
@@ -176,7 +184,7 @@ class Population:
 
     def save(self, path: str | Path) -> None:
         """Write it as JSON, whole or not at all."""
-        document = {"format": FORMAT, "schema": SCHEMA, "members": self.members}
+        document = {"format": FORMAT, "schema": SCHEMA, "members": self.members, "logs": self.logs}
         write_whole(path, msgspec.json.format(msgspec.json.encode(document), indent=1) + b"\n")
 
     @classmethod
@@ -198,7 +206,7 @@ class Population:
                 f"{path} is {document.format} of schema {document.schema}, not {FORMAT} of {OLDER} or {SCHEMA}.",
                 remedy="Update backdrive, or merge again.",
             )
-        return cls(members=document.members)
+        return cls(members=document.members, logs=document.logs)
 
 
 def is_population(path: str | Path) -> bool:
@@ -221,6 +229,7 @@ class _Document(msgspec.Struct, forbid_unknown_fields=True):
     format: str
     schema: int
     members: tuple[Member, ...]
+    logs: tuple[str, ...] = ()
 
 
 def _model(members: list[Member], logarithms: list[np.ndarray]) -> FrictionModel:

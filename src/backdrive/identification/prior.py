@@ -17,12 +17,14 @@ from backdrive.errors import InvalidInput
 from backdrive.identification.conjugate import Update, conjugate
 from backdrive.identification.evidence import verdict
 from backdrive.identification.result import JointEvidence
+from backdrive.logs.joint import Source
 from backdrive.logs.log import Log
 from backdrive.model import Covariance, FrictionModel, JointFriction, Prior, PriorComparison, PriorNumber
-from backdrive.model.prior import each_way
+from backdrive.model.prior import DIGITS, each_way
 from backdrive.model.sample import law_numbers, law_with
 
 UNLIKELY = 0.01  # p-value below which a log contradicts its prior and is not combined with it [-]
+SAME = 1e-6  # distance of log and prior below which they are the same data [-]
 STEP = 1e-5  # of a parameter for a derivative, relative to it [-]
 COLUMNS = ("log", "log_error", "prior", "prior_error", "combined", "combined_error")
 SPEEDS = 4  # in each direction at which the curve of a law without knots is a prior
@@ -40,7 +42,7 @@ def as_priors(given: Any) -> tuple[Prior, ...]:
     if given is None:
         return ()
     if isinstance(given, FrictionModel):
-        given = [prior_of(joint) for joint in given.joints]
+        given = [prior_of(joint, given.sources) for joint in given.joints]
     elif hasattr(given, "priors"):
         given = given.priors()
     priors = (
@@ -60,8 +62,12 @@ def as_priors(given: Any) -> tuple[Prior, ...]:
     return priors
 
 
-def prior_of(friction: JointFriction) -> Prior:
+def prior_of(friction: JointFriction, sources: Sequence[Source] = ()) -> Prior:
     """Return a joint's identified friction as a prior: lines of Coulomb and viscous friction, else torques at knots or speeds.
+
+    Args:
+        friction: of the joint.
+        sources: files that it was identified from.
 
     Raises:
         InvalidInput: the model has no errors.
@@ -102,6 +108,7 @@ def prior_of(friction: JointFriction) -> Prior:
         mean=weights @ friction.law.torque(velocity),
         covariance=H @ C @ H.T,
         slopes=tuple(map(bool, slopes)),
+        logs=tuple(s.sha256 for s in sources) + (friction.prior.logs if friction.prior else ()),
     )
 
 
@@ -115,7 +122,7 @@ def with_priors(
     """Return friction and evidence of every joint after its prior; joints without one are named in `warnings`.
 
     Raises:
-        InvalidInput: the priors are of other joints or another unit.
+        InvalidInput: the priors are of other joints or another unit, or hold one of these logs.
     """
     if not priors:
         return list(friction), list(evidence)
@@ -155,6 +162,7 @@ def with_priors(
             results.append((one, each))
             continue
         after = combine(one, near)
+        _independent(after, near, logs)
         results.append((after, _after(each, one, after)))
     both = tuple(map(list, zip(*results, strict=True)))
     return both[0], both[1]
@@ -197,8 +205,23 @@ def combine(friction: JointFriction, prior: Prior) -> JointFriction:
             }
             if applied
             else {},
+            logs=prior.logs if applied and prior.robots is None else (),
         ),
     )
+
+
+def _independent(friction: JointFriction, prior: Prior, logs: Sequence[Log]) -> None:
+    """Refuse a prior that holds one of the logs, which would count it twice."""
+    held = {digest[:DIGITS] for digest in prior.logs}
+    again = [s.path for log in logs for s in log.sources if s.sha256[:DIGITS] in held]
+    assert friction.prior is not None
+    if again or friction.prior.distance < SAME:
+        raise InvalidInput(
+            f"Joint '{friction.joint.name}': the prior ({prior.source}) holds "
+            f"{again[0] if again else 'this very log'}, which would count twice.",
+            remedy="Give a prior from other logs: a population merged without this robot (`fleet merge --without ROBOT`), or the "
+            "model of an earlier log; or leave it out.",
+        )
 
 
 def estimate(friction: JointFriction) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 
+DIGITS = 16  # of a log's SHA-256 that tell it from all others
 POINTS = 20  # speeds at which the line through a curve is taken
 SLOWEST = 0.05  # lowest of these, as a share of the top speed [-]
 OVERLAP = 0.5  # least top speed of a log, as a share of the prior's, at which lines are compared [-]
@@ -73,6 +74,7 @@ class Prior:
             Empty: y are single torques.
         temperature: at which the mean holds [degC]; None: unknown.
         warmth: relative change of y with temperature [1/degC], (k,).
+        logs: SHA-256 of the log files that it is from, as far as known; the first `DIGITS` digits suffice.
     """
 
     joint: str
@@ -88,6 +90,7 @@ class Prior:
     slopes: tuple[bool, ...] = ()
     temperature: float | None = None
     warmth: tuple[float, ...] = ()
+    logs: tuple[str, ...] = ()
 
     def __post_init__(self):
         k = len(self.names)

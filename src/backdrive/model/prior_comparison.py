@@ -10,6 +10,7 @@ from backdrive.errors import InvalidInput
 from backdrive.parameters import NOT_NEGATIVE, Bound, Bounds, WithBounds
 
 MOST = 200  # numbers of a comparison
+MOST_LOGS = 100_000  # of a prior
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +52,8 @@ class PriorComparison(WithBounds):
         numbers: of the friction curve that the prior states.
         log_alone: value and standard error of the joint's parameters and terms by the log alone, by row of the covariance;
             empty where the prior was not applied.
+        logs: SHA-256 of the log files of the former model, which the numbers hold as well; empty for a population, and where
+            the prior was not applied.
     """
 
     BOUNDS: ClassVar[Bounds] = {"p": Bound(0.0, 1.0), "distance": NOT_NEGATIVE}
@@ -62,9 +65,12 @@ class PriorComparison(WithBounds):
     p: float
     numbers: tuple[PriorNumber, ...]
     log_alone: Mapping[str, tuple[float, float]] = field(default_factory=dict[str, tuple[float, float]])
+    logs: tuple[str, ...] = ()
 
     def __post_init__(self):
         super().__post_init__()
+        if len(self.logs) > MOST_LOGS:
+            raise InvalidInput(f"A prior is from {len(self.logs)} logs.", remedy=f"At most {MOST_LOGS}.")
         for what in (self.numbers, self.log_alone):
             if len(what) > MOST:
                 raise InvalidInput(f"A prior has {len(what)} numbers.", remedy=f"At most {MOST}.")
