@@ -1,4 +1,4 @@
-"""Commands of `backdrive fleet` that query or edit its results: trend, drifted, sql, merge, page, forget, rename."""
+"""Commands of `backdrive fleet` that query its results: trend, drifted, sql, merge, page."""
 
 from __future__ import annotations
 
@@ -232,46 +232,6 @@ def page(
             title=f"Fleet {output.name}",
         )
     echo(f"{len(every)} joints in {target}.")
-
-
-def forget(
-    robot: Annotated[str, typer.Argument(help="Robot whose results are removed, under all its names.")],
-    output: Results,
-) -> None:
-    """Remove a robot from the results. The next run identifies it again if its logs are still listed.
-
-    Example: backdrive fleet forget robot007 -o results/
-    """
-    from backdrive.fleet.store import Store
-
-    store = Store.open(output)
-    with store.lock():
-        echo(f"{store.forget(robot)} rows of {robot} were removed.")
-
-
-def rename(
-    pairs: Annotated[
-        list[str], typer.Argument(metavar="OLD=NEW", help="Former and present name of a robot.")
-    ],
-    output: Results,
-) -> None:
-    """Record a robot's new name, so that both histories are joined. NEW=OLD undoes it.
-
-    Example: backdrive fleet rename robot005=cell3 -o results/
-    """
-    from backdrive.fleet.renames import record_renames
-    from backdrive.fleet.store import Store
-
-    store = Store.open(output)
-    names = {}
-    for pair in pairs:
-        old, sign, new = pair.partition("=")
-        if not (old and sign and new) or old == new:
-            raise InvalidInput(f"'{pair}' is not a pair of names.", remedy="Write OLD=NEW.")
-        names[old] = new
-    with store.lock():
-        for sentence in record_renames(store, names):
-            echo(sentence)
 
 
 def _histories(output: Path) -> list[History]:

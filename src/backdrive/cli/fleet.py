@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from backdrive.cli import _fleet_answers as answers
+from backdrive.cli import _fleet_edits as edits
 from backdrive.cli import _logs
 from backdrive.cli._fleet_progress import fleet_progress
 from backdrive.cli._output import console as new_console
@@ -208,7 +209,7 @@ COMMANDS = {
     "sql": answers.sql,
     "page": answers.page,
     "merge": answers.merge,
-    "rename": answers.rename,
-    "forget": answers.forget,
+    "rename": edits.rename,
+    "forget": edits.forget,
     "simulate": simulate,
 }
