@@ -484,11 +484,12 @@ def test_a_delay_of_the_drive_is_estimated_and_said():
     )
 
 
-def delays_of(monkeypatch, found, told=None, coarse=None, from_coarse=(), **more):
+def delays_of(monkeypatch, found, told=None, coarse=None, from_coarse=(), agreed=None, **more):
     """Return what is taken for the delays of logs of 250 and 500 Hz, whose torque's timing is not told unless `told`.
 
-    From `coarse` on, `from_coarse` is estimated.
+    From `coarse` on, `from_coarse` is estimated; `agreed` is what a shift of the torque makes of a vague delay.
     """
+    monkeypatch.setattr(sweep_delay, "_agreed", lambda delay, error, every: agreed)
     monkeypatch.setattr(
         sweep_delay, "torque_timing", lambda s: ((told or [None] * len(found))[int(s[0].time[0])], 0.0, 0.0)
     )
@@ -541,9 +542,19 @@ def test_a_long_delay_is_sought_from_the_coarse_one_and_taken_where_the_two_agre
     ):  # fmt: skip
         for first in (NONE, (-0.03, vague)):
             delays, errors, _ = delays_of(monkeypatch, [first], coarse=0.05, from_coarse=[(fine, error)])
-            otherwise = [0.0], [pytest.approx(0.5 / RATE)]
+            otherwise = [0.0], [pytest.approx(0.5 * abs(fine))]  # as likely as none
             assert (delays, errors) == (([fine], [pytest.approx(error)]) if taken else otherwise)
-    assert delays_of(monkeypatch, [(-0.052, vague)])[0] == [0.0]  # no shift explains the torque better
+    # no shift explains the torque better
+    assert delays_of(monkeypatch, [(-0.052, vague)])[:2] == ([0.0], [pytest.approx(0.026)])
+    assert delays_of(monkeypatch, [(-0.052, vague)], agreed=(-0.05, 1e-3))[:2] == ([-0.05], [1e-3])
+    for delay, odd in (
+        (-0.5 / RATE - 0.024, False),
+        (-0.5 / RATE - 0.026, True),
+        (0.024, False),
+        (0.026, True),
+    ):
+        delays, errors, _ = delays_of(monkeypatch, [(delay, 0.01)], agreed=(1.0, 1.0))
+        assert (delays, errors) == ([1.0], [1.0]) if odd else ([0.0], [pytest.approx(0.5 / RATE)])
     assert delays_of(monkeypatch, [(-0.01, 1e-4)], coarse=0.05, from_coarse=[(9.0, 1e-4)])[0] == [-0.01]
 
 

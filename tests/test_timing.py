@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
+from backdrive.identification import sweep_delay
 from backdrive.identification.signals import prepare
+from backdrive.identification.slip import coarse_delay
 from backdrive.identification.sweep import identify_sweep
 from backdrive.identification.timing import torque_timing
 from backdrive.plans import Sweep
@@ -69,3 +71,27 @@ def test_torque_that_comes_late_is_corrected_though_its_delay_is_not_known_to_an
     assert slip.standard_error > 0.5 * period
     assert slip.value == pytest.approx(0.05 - 0.5 * period, abs=3.0 * slip.standard_error)
     assert float(friction.law.torque(1.8)) == pytest.approx(float(joint_1().law.torque(1.8)), abs=0.6)
+
+
+def test_a_vague_delay_is_corrected_if_a_shift_of_the_torque_agrees_and_stated_if_none_does(
+    commanded, monkeypatch
+):
+    t, tau = commanded.time, commanded.torque[:, 0]
+    noise = 6.0 * np.random.default_rng(2).standard_normal(t.size)
+    late = commanded.replace(torque=(np.interp(t - 0.03, t, tau) + noise)[:, None])
+    stretches = prepare(late, 0)
+    assert coarse_delay(stretches) is None  # so much noise hides the shift from its own test
+    friction, _ = identify_sweep([late], late.names[0])
+    slip = friction.dynamics["time_slip"]
+    assert slip.value == pytest.approx(0.03 - 0.5 * commanded.period, abs=3.0 * slip.standard_error)
+    assert 0.0 < slip.standard_error < 0.005
+    monkeypatch.setattr(sweep_delay, "_agreed", lambda *_: None)
+    friction, _ = identify_sweep([late], late.names[0])
+    (odd,) = (w for w in friction.warnings if "nothing was corrected" in w)
+    stated = float(odd.split("come ")[1].split(" +- ")[0])
+    assert stated == pytest.approx(30.0, abs=3.0)
+    known = float(odd.split("--known delay=")[1].split(")")[0])
+    amount = float(odd.split("off by up to ")[1].split(" N.m")[0])
+    curves = [identify_sweep([late], late.names[0], delay=d)[0].law.torque(1.9) for d in (None, known)]
+    assert amount == pytest.approx(abs(float(curves[0] - curves[1])), rel=0.3)
+    assert friction.dynamics["time_slip"].standard_error > 0.01  # as likely as none

@@ -164,6 +164,12 @@ def delay_range(case: Case) -> Remark | None:
             "the motion: this delay was estimated and corrected. Record both from one message, or look for a filter "
             "in one of them.",
         )
+    if abs(value) < spread:
+        return Remark(
+            severity="care",
+            sentence=f"The delay of the torque is known to ± {1e3 * spread:.2g} ms only. Align the channels (`backdrive inspect`), "
+            "or give it (--known delay=SECONDS).",
+        )
     return Remark(
         severity="care",
         sentence=f"The delay of the torque, {1e3 * value:.3g} ms, is at the edge of what is sought ({1e3 * LARGEST_SLIP:.3g} ms): "

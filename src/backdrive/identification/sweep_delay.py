@@ -17,11 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from backdrive.identification import regression
+from backdrive.identification import lateness, regression
 from backdrive.identification.curves import basis
 from backdrive.identification.delay import torque_between
 from backdrive.identification.function_a import correct_pairs
 from backdrive.identification.noise import noise_of
+from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.slip import LONG, coarse_delay, is_long
 from backdrive.identification.sweep_windows import Windows, windows
@@ -35,6 +36,9 @@ CORNER = 6.5  # cutoff frequency of the low pass, relative to the frequency of t
 TOLD = 0.5  # largest standard error of an estimated delay [sampling interval]
 PLAIN = (
     2.0  # largest distance of the delay from that of a command or a sample without a remark [standard error]
+)
+BEYOND = (
+    2.5  # least distance of a delay from those of a command and a sample, if a shift agrees [standard error]
 )
 ROUNDS = 4  # number of iterations, in each of which the torque is shifted by the last estimate of d
 
@@ -125,16 +129,22 @@ def drive_delays(
     period = 1.0 / stretches[open_[0]][0].rate
     cycles = [windows(logs[i], joint, logs[i].plan, stretches[i]) for i in open_]
     delay, error = _together([sweep_delay(stretches[i], c) for i, c in zip(open_, cycles, strict=True)])
-    coarse = None if abs(delay) < LONG else coarse_delay([s for i in open_ for s in stretches[i]])
+    every = [s for i in open_ for s in stretches[i]]
+    coarse = None if abs(delay) < LONG else coarse_delay(every)
     if coarse is not None:
         again = [sweep_delay(stretches[i], c, -coarse) for i, c in zip(open_, cycles, strict=True)]
         delay, error = _together(again)
     late = -delay  # delay of the logged torque behind the motion
     if not (error < TOLD * period or is_long(late, error, period, coarse)):
-        for i in open_:
-            errors[i] = 0.5 * period  # a sampled torque is equally likely
-        first = open_[0]
-        return delays, errors, [_doubt(logs[first], joint, stretches[first], cycles[0])]
+        odd = max(delay, -0.5 * period - delay) > BEYOND * error  # neither commanded nor sampled
+        agreed = _agreed(delay, error, every) if odd else None
+        if agreed is None:
+            first = open_[0]
+            for i in open_:  # a sampled torque is equally likely, and so is the odd delay
+                errors[i] = 0.5 * max(period, abs(delay) if odd else 0.0)
+            odd_delay = (delay, error) if odd else None
+            return delays, errors, [_doubt(logs[first], joint, stretches[first], cycles[0], odd_delay)]
+        delay, error = agreed
     for i in open_:
         delays[i], errors[i] = delay, error
     near, far = sorted((abs(delay), abs(delay + 0.5 * period)))
@@ -151,19 +161,51 @@ def drive_delays(
     return delays, errors, [f"The torque {how}; this delay was estimated from the motion and corrected."]
 
 
-def _doubt(log: Log, joint: str, stretches: Sequence[Signals], cycles: Windows) -> str:
-    """Return the sentence on a torque of unknown timing, with the change of the curve between both timings."""
-    about = log.select(joint).joints[0]
-    commanded, sampled = (
+def _agreed(delay: float, error: float, every: Sequence[Signals]) -> tuple[float, float] | None:
+    """Return a poorly known delay and its standard error [s] after the shift of the torque that fits best; None if that is
+    another, or short.
+
+    Friction that builds up over a distance lags too, so the shift must be long beside such friction.
+    """
+    means = residual_of([(s, s.torque, s.torque, True) for s in every])
+    shift = None if means is None else lateness.delay(means)
+    if means is None or shift is None:
+        return None
+    beside = lateness.delay_beside_distance(means) or shift
+    if min(abs(shift[0]), abs(beside[0])) < LONG or abs(beside[0] + delay) > BEYOND * error:
+        return None
+    return _together([(delay, error), (-beside[0], 0.5 * means.period)])
+
+
+def _doubt(
+    log: Log, joint: str, stretches: Sequence[Signals], cycles: Windows, odd: tuple[float, float] | None
+) -> str:
+    """Return the sentence on a torque of unknown timing, with the change of the curve between both timings.
+
+    Args:
+        log: with the torque.
+        joint: its name.
+        stretches: of the log.
+        cycles: of the sweep.
+        odd: delay and standard error [s] that fit best, if they are neither of a command nor of a sample.
+    """
+    about, half = log.select(joint).joints[0], 0.5 / stretches[0].rate
+    commanded, otherwise = (
         correct_pairs(stretches, cycles, rotary=about.unit == "rad", delay=delay)
-        for delay in (0.0, -0.5 / stretches[0].rate)
+        for delay in (0.0, odd[0] if odd else -half)
     )
-    change = np.maximum(abs(sampled.F_pos - commanded.F_pos), abs(sampled.F_neg - commanded.F_neg))
+    change = np.maximum(abs(otherwise.F_pos - commanded.F_pos), abs(otherwise.F_neg - commanded.F_neg))
     worst = int(np.argmax(change))
+    off = f"the curve is off by up to {change[worst]:.2g} {about.torque_unit}, at {commanded.V[worst]:.3g} {about.unit}/s"
+    if odd:
+        late = -odd[0] - half
+        return (
+            f"The torque seems to come {1e3 * abs(late):.2g} +- {1e3 * odd[1]:.2g} ms {'later' if late > 0.0 else 'earlier'} than "
+            f"the motion, which does not show it clearly, so nothing was corrected. If it does, {off} (--known delay={late:.2g})."
+        )
     return (
         "The motion does not show whether the torque was commanded or sampled with the position; it was taken as commanded. If "
-        f"that is wrong, the curve is off by up to {change[worst]:.2g} {about.torque_unit}, at "
-        f"{commanded.V[worst]:.3g} {about.unit}/s (--torque-timing sample)."
+        f"that is wrong, {off} (--torque-timing sample)."
     )
 
 
