@@ -99,3 +99,27 @@ def test_few_independent_samples_widen_as_student_s_quantile_does():
     freedom = np.array(lengths) / (1.0 + 2.0 * left.correlation[1:].sum()) + 10.0 - 2.0
     assert left.widening == pytest.approx(stats.t.ppf(0.975, freedom) / 1.959964)
     assert left.widening[0] < 1.005 < left.widening[1]
+
+
+def test_what_a_fit_takes_from_white_noise_is_the_sum_along_each_diagonal_of_its_hat_matrix():
+    random = np.random.default_rng(5)
+    X = random.standard_normal((40, 4))
+    X[10:15] = 0.0  # samples that are not used
+    inverse = np.linalg.inv(X.T @ X)
+    hat = X @ inverse @ X.T
+    wanted = [np.trace(hat, offset=lag) for lag in range(30)]
+    assert noise._white_loss(X, inverse, 30) == pytest.approx(wanted, abs=1e-12)
+
+
+def test_a_short_log_s_fit_of_smooth_terms_scatters_as_it_says():
+    t = np.linspace(0.0, 1.0, 130)
+    X = np.column_stack([np.cos(k * np.pi * t) for k in range(8)])
+    random, used = np.random.default_rng(6), np.ones(t.size, dtype=bool)
+    scaled = []
+    for _ in range(600):
+        e = random.standard_normal(t.size)
+        theta = np.linalg.lstsq(X, e, rcond=None)[0]
+        scaled.append(theta / np.sqrt(np.diag(noise.covariance_of_fit(X, e - X @ theta, used))))
+    # 1.11 where the autocovariance of the residuals is taken for that of the noise
+    assert 0.93 < np.sqrt(np.mean(np.square(scaled))) < 1.04
+    assert 0.93 < np.mean(np.abs(scaled) < 1.96) < 0.965

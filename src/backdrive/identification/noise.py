@@ -119,18 +119,20 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
     score = np.where(used, np.clip(residual, -width, width), 0.0)
     mask = used.astype(float)
     lags = min(LONGEST, len(score))
-    pairs = np.maximum(_sums(mask, lags), 1.0)
-    products = _sums(score, lags) / pairs
-    if not products[0] > 0.0:
+    sums = _sums(score, lags)
+    if not sums[0] > 0.0:
         return np.zeros((p, p))
+    kept = X * mask[:, None]
+    white = kept.T @ kept
+    inverse = regression.invert(white)
+    lost = _white_loss(kept, inverse, lags)
+    products = (sums + sums[0] / max(size - p, 1) * lost) / np.maximum(_sums(mask, lags), 1.0)
     correlation = taper(products / products[0], size)
     independent = size / max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
-    kept = X * mask[:, None]
     inside = float(np.mean(np.abs(residual[used]) <= width))
-    full, white = kept.T @ _toeplitz(kept, correlation), kept.T @ kept
-    bread = regression.invert(white) / max(inside, LEAST)
-    lost = size / max(size - p, 1)
-    covariance = products[0] * lost * bread @ _possible(full, white) @ bread
+    full = kept.T @ _toeplitz(kept, correlation)
+    bread = inverse / max(inside, LEAST)
+    covariance = products[0] * bread @ _possible(full, white) @ bread
     return regression.widen_covariance(covariance, independent - p)
 
 
@@ -186,6 +188,17 @@ def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndar
     G = _toeplitz(Q, correlation)
     across = np.einsum("aah->h", _products(Q, G, QQ.shape[2]) + _products(G, Q, QQ.shape[2]))
     return across - np.einsum("abh,ab->h", QQ, Q.T @ G)
+
+
+def _white_loss(X: np.ndarray, inverse: np.ndarray, lags: int) -> np.ndarray:
+    """Return the decrease of the sum of products e_k e_(k+h) of white unit noise by a fit of columns X, by lag, (lags,).
+
+    With H = X (X'X)^-1 X', that is the sum over k of H_(k,k+h). A few smooth columns take it from all short lags alike, so that
+    the residuals of a short log look as if their noise was negatively correlated.
+    """
+    n = fft_length(X.shape[0] + lags)
+    each = np.fft.rfft(X.T, n)
+    return np.fft.irfft(np.sum(np.conj(each) * (inverse @ each), axis=0), n)[:lags]
 
 
 def _sums(x: np.ndarray, lags: int) -> np.ndarray:
