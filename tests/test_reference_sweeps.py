@@ -489,7 +489,7 @@ def delays_of(monkeypatch, found, told=None, coarse=None, from_coarse=(), agreed
 
     From `coarse` on, `from_coarse` is estimated; `agreed` is what a shift of the torque makes of a vague delay.
     """
-    monkeypatch.setattr(sweep_delay, "_agreed", lambda delay, error, every: agreed)
+    monkeypatch.setattr(sweep_delay, "_with_shift", lambda delay, error, every: agreed)
     monkeypatch.setattr(
         sweep_delay, "torque_timing", lambda s: ((told or [None] * len(found))[int(s[0].time[0])], 0.0, 0.0)
     )

@@ -85,7 +85,7 @@ def test_a_vague_delay_is_corrected_if_a_shift_of_the_torque_agrees_and_stated_i
     slip = friction.dynamics["time_slip"]
     assert slip.value == pytest.approx(0.03 - 0.5 * commanded.period, abs=3.0 * slip.standard_error)
     assert 0.0 < slip.standard_error < 0.005
-    monkeypatch.setattr(sweep_delay, "_agreed", lambda *_: None)
+    monkeypatch.setattr(sweep_delay, "_with_shift", lambda *_: None)
     friction, _ = identify_sweep([late], late.names[0])
     (odd,) = (w for w in friction.warnings if "nothing was corrected" in w)
     stated = float(odd.split("come ")[1].split(" +- ")[0])

@@ -137,7 +137,7 @@ def drive_delays(
     late = -delay  # delay of the logged torque behind the motion
     if not (error < TOLD * period or is_long(late, error, period, coarse)):
         odd = max(delay, -0.5 * period - delay) > BEYOND * error  # neither commanded nor sampled
-        agreed = _agreed(delay, error, every) if odd else None
+        agreed = _with_shift(delay, error, every) if odd else None
         if agreed is None:
             first = open_[0]
             for i in open_:  # a sampled torque is equally likely, and so is the odd delay
@@ -161,7 +161,7 @@ def drive_delays(
     return delays, errors, [f"The torque {how}; this delay was estimated from the motion and corrected."]
 
 
-def _agreed(delay: float, error: float, every: Sequence[Signals]) -> tuple[float, float] | None:
+def _with_shift(delay: float, error: float, every: Sequence[Signals]) -> tuple[float, float] | None:
     """Return a poorly known delay and its standard error [s] after the shift of the torque that fits best; None if that is
     another, or short.
 
