@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.constant_velocity import identify_constant_velocity
@@ -47,7 +48,8 @@ def fitted_line(y, symmetric):
 
 def test_runs_on_two_lines_come_back_with_every_number():
     logs = runs(uneven_line, noise=0.3)
-    y = np.array([find_runs(log, 0)[0].torque for log in logs])
+    one = [find_runs(log, 0)[0] for log in logs]
+    y, within = np.array([r.torque for r in one]), np.array([r.error for r in one])
     theta, left, unseen, X = fitted_line(y, False)
     found, shown = identify_constant_velocity(logs, "a", law="coulomb-viscous")
     assert list(found.law.rate.values().values()) == pytest.approx(
@@ -61,8 +63,9 @@ def test_runs_on_two_lines_come_back_with_every_number():
     assert (found.method, len(found.warnings)) == ("constant-velocity", 1)
     assert found.warnings[0].startswith("A constant bias torque (gravity, cable")
     bread = np.linalg.inv(X.T @ X)
-    student = 2.120 / 1.96  # 16 degrees of freedom
-    error = np.sqrt(np.diag(bread) * (left @ left) / 16) * student
+    student = 2.056 / 1.96  # 26 degrees of freedom: 16 of the means, and 10 of the noise within the runs
+    power = (left @ left + 10.0 * np.mean(within**2)) / 26.0
+    error = np.sqrt(np.diag(bread) * power) * student
     assert found.standard_errors["coulomb_positive"] == pytest.approx(error[0], rel=1e-3)
     assert found.standard_errors["viscous_negative"] == pytest.approx(error[3], rel=1e-3)
     s = shown.samples
@@ -81,6 +84,29 @@ def test_runs_on_two_lines_come_back_with_every_number():
     assert band.min() > 0.0 and shown.curve.torque[positive] == pytest.approx(
         theta[0] + theta[1] * shown.curve.velocity[positive], rel=1e-5
     )
+
+
+def test_runs_that_differ_by_more_than_noise_count_by_their_scatter_alone():
+    shifts = dict(zip(SPEEDS, 0.3 * np.random.default_rng(4).standard_normal(len(SPEEDS)), strict=True))
+    logs = runs(lambda v: uneven_line(v) + shifts[v], noise=0.3)
+    y = np.array([find_runs(log, 0)[0].torque for log in logs])
+    _, left, _, X = fitted_line(y, False)
+    found, _ = identify_constant_velocity(logs, "a", law="coulomb-viscous")
+    student = 2.120 / 1.96  # 16 degrees of freedom
+    error = np.sqrt(np.diag(np.linalg.inv(X.T @ X)) * (left @ left) / 16) * student
+    assert found.standard_errors["coulomb_positive"] == pytest.approx(error[0], rel=1e-3)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_the_error_of_a_run_s_mean_is_that_of_correlated_noise(correlation):
+    random, n, stated = np.random.default_rng(2), 4000, []
+    for _ in range(30):
+        e = lfilter([np.sqrt(1.0 - correlation**2)], [1.0, -correlation], random.standard_normal(n))
+        t = np.arange(n) / 1000.0
+        log = Log(time=t, joints=(Joint(name="a"),), torque=2.0 + 0.5 * e, velocity=np.ones(n))
+        stated.append(find_runs(log, 0)[0].error)
+    wanted = 0.5 * np.sqrt((1.0 + correlation) / (1.0 - correlation) / n)
+    assert np.mean(stated) == pytest.approx(wanted, rel=0.08)
 
 
 def test_one_curve_leaves_an_offset_and_friction_that_would_push_too():

@@ -20,8 +20,8 @@ TONES = ((0.15, 0.8, 0.3), (0.35, 0.45, 1.1), (0.85, 0.15, 2.0))  # Hz, rad, rad
 
 
 def log_of(truth: np.ndarray, draws: np.random.Generator) -> Log:
-    """Return a log of 16 s at 200 Hz with 1.6 N.m of noise, of a joint with inertia and gravity."""
-    t = np.arange(3200) / 200.0
+    """Return a log of 8 s at 200 Hz with 0.8 N.m of noise, of a joint with inertia and gravity."""
+    t = np.arange(1600) / 200.0
     q, dq, ddq = np.zeros((3, t.size))
     for hertz, amplitude, phase in TONES:
         w, shift = 2 * np.pi * hertz, phase + draws.uniform(0.0, 6.0)
@@ -29,7 +29,7 @@ def log_of(truth: np.ndarray, draws: np.random.Generator) -> Log:
         dq += amplitude * w * np.cos(w * t + shift)
         ddq -= amplitude * w * w * np.sin(w * t + shift)
     tau = 0.5 * ddq + truth[0] * np.sign(dq) + truth[1] * dq + 4.0 * np.sin(q)
-    tau += 1.6 * draws.standard_normal(t.size)
+    tau += 0.8 * draws.standard_normal(t.size)
     return Log.from_arrays(time=t, position=q[:, None], torque=tau[:, None], joints=["j1"])
 
 

@@ -23,6 +23,8 @@ from backdrive.model import Covariance, JointFriction, Quality, Validity
 from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # tried numbers of line sections per direction
+DIFFERENT = 0.1  # probability by which noise scatters the runs as much, below which they differ otherwise [-]
+MOST_WITHIN = 10.0  # degrees of freedom by which the noise within the runs counts
 CHANCE = 0.01  # probability of rejecting a straight line by chance [-]
 ROUNDING = 1e-20  # share of the torque's mean square below which a misfit is ignored [-]
 
@@ -101,14 +103,13 @@ def identify_constant_velocity(
             remedy=f"At least {LEAST_RUNS} are needed, in both directions (see `backdrive plan constant-velocity`).",
         )
     v = np.array([r.velocity for r in runs])
-    y = np.array([r.torque for r in runs])
+    y, within = (np.array([getattr(r, name) for r in runs]) for name in ("torque", "error"))
     gravity = gravity_of(runs)
     pulls = np.array([r.pull for r in runs]) if gravity else np.zeros((v.size, 2))
     pull = pulls @ gravity[0] if gravity else np.zeros(v.size)
     if gravity:
-        y = np.array(
-            [r.torque for log in logs for r in find_runs(without_gravity(log, joint, gravity[0]), joint)]
-        )
+        level = [r for log in logs for r in find_runs(without_gravity(log, joint, gravity[0]), joint)]
+        y, within = (np.array([getattr(r, name) for r in level]) for name in ("torque", "error"))
     both = bool(np.any(v > 0) and np.any(v < 0))
     directional = both and not symmetric
     lines = "line" in curves.of_law(law)
@@ -124,7 +125,7 @@ def identify_constant_velocity(
     sections, remark = _choose(tried, y, pulls, about.torque_unit)
     form, X, left_out = tried[sections]
     theta = regression.solve(X.T @ X, X.T @ y)
-    covariance = regression.classical(X, y - X @ theta)
+    covariance = _covariance(X, y - X @ theta, within)
     if gravity:  # gravity's error is common to all runs
         common = regression.invert(X.T @ X) @ X.T @ pulls
         covariance = covariance + common @ gravity[1] @ common.T
@@ -173,6 +174,26 @@ def identify_constant_velocity(
         curve=curve(friction, curves.widen_below(found, slowest, of_curve)),
         verdict=f"{verdict(friction)} {remark}",
     )
+
+
+def _covariance(X: np.ndarray, residual: np.ndarray, within: np.ndarray) -> np.ndarray:
+    """Return the covariance of a fit to the runs' means, (p, p).
+
+    A few means tell their scatter poorly, so their errors by the noise within the runs count too, by ten degrees of freedom;
+    not so if the means scatter by more (an F test), since the runs then differ by more than noise.
+
+    Args:
+        X: regressor, (n, p).
+        residual: of the means [N.m or N], (n,).
+        within: standard errors of the means by the noise within the runs [N.m or N], (n,).
+    """
+    freedom, power = len(X) - X.shape[1], float(np.mean(within**2))
+    if freedom < 1 or not power > 0.0:
+        return regression.classical(X, residual)
+    scatter = float(residual @ residual) / freedom
+    more = 0.0 if fdtrc(freedom, MOST_WITHIN, scatter / power) < DIFFERENT else MOST_WITHIN
+    both = (freedom * scatter + more * power) / (freedom + more)
+    return regression.widen_covariance(both * regression.invert(X.T @ X), freedom + more)
 
 
 def _choose(tried: dict[int, tuple], y: np.ndarray, pulls: np.ndarray, unit: str) -> tuple[int, str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.identification import regression
+from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import spans
 from backdrive.logs.filters import derivative
 from backdrive.logs.log import Log
@@ -40,6 +41,7 @@ class Run:
         start: first instant [s].
         pull: means of sin q and cos q over the run; None for a linear joint or without position.
         within: scatter of (sin q, cos q, torque) about their means, (3, 3); None if `pull` is None.
+        error: standard error of the mean torque by the torque's scatter within the run and its correlation [N.m or N].
     """
 
     velocity: float
@@ -48,11 +50,17 @@ class Run:
     start: float
     pull: tuple[float, float] | None = None
     within: np.ndarray | None = None
+    error: float = 0.0
 
 
 def _robust_mean(x: np.ndarray) -> float:
     weights = regression.robust_weights(np.ones((x.size, 1)), x, np.ones(x.size))
     return float(np.average(x, weights=weights))
+
+
+def _error_of_mean(x: np.ndarray) -> float:
+    noise = noise_of([x], [np.ones_like(x)], degree=0)
+    return float(np.sqrt(noise.covariance(np.full((1, x.size), 1.0 / x.size), 0)[0, 0]))
 
 
 def _run(
@@ -72,6 +80,7 @@ def _run(
         start=float(time[0]),
         pull=pull,
         within=within,
+        error=_error_of_mean(torque),
     )
 
 
