@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from backdrive import Joint, Log, identify
+from backdrive.identification.ramp import _to_and_fro
 from backdrive.logs.health import check
 from backdrive.logs.resolution import resolution
 
@@ -137,3 +138,16 @@ def test_a_sweep_above_its_pivot_is_no_ramp():
     result = identify(log)
     assert result.method == "sweep"
     assert result.model.torque("a", 1.0) == pytest.approx(1.2, rel=0.05)
+
+
+def test_a_slide_that_turns_back_is_a_motion_and_slips_at_the_ends_of_ramps_are_not():
+    t = np.arange(4000) / 1000.0
+    rest, one = np.zeros(1000), np.sin(2.0 * np.pi * np.arange(2000) / 1000.0)
+    to_and_fro = np.concatenate([rest, 0.3 * one, rest])
+    assert _to_and_fro(to_and_fro, 0.05, 1e-3)
+    stroke = 0.15 * (1.0 - np.cos(np.pi * np.clip(t - 1.0, 0.0, 0.5) / 0.5))
+    back = -0.15 * (1.0 - np.cos(np.pi * np.clip(t - 2.5, 0.0, 0.5) / 0.5))
+    assert not _to_and_fro(stroke + back, 0.05, 1e-3)  # it rests for a second in between
+    rebound = 0.02 * np.exp(-np.maximum(t - 1.5, 0.0) / 0.02) * (t >= 1.5)
+    assert not _to_and_fro(stroke + rebound, 0.05, 1e-3)
+    assert not _to_and_fro(np.zeros(4000), 0.05, 1e-3)

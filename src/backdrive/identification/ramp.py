@@ -15,11 +15,13 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.break_away import EDGE, SHORTEST, STRAIGHT
 from backdrive.identification.ramp_branches import (
     BRANCH,
+    CUTOFF,
     RESOLVED,
     Branch,
     branches_of,
     low_pass_torque,
 )
+from backdrive.identification.signals import spans
 from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs import filters
 from backdrive.logs.log import Log
@@ -30,6 +32,7 @@ ROUNDING = 1e-6  # noise below which it counts as rounding error, relative to th
 NOISE = 3.0  # contribution of noise to an extreme of the torque [standard deviation]
 FEWEST = 100  # least number of samples of a log of ramps
 RAMPED = 0.7  # least share of ramps in a log of ramps [-]
+BACK = 0.2  # largest travel back within one slide, relative to that ahead [-]
 HELD = 0.1  # least share of a log of ramps in which the joint sticks [-]
 
 
@@ -153,10 +156,33 @@ def is_ramp(log: Log, joint: str | int) -> bool:
         if off > most:
             return False
     count = encoder_step(single) or 3.0 * white_noise(position)
-    branches = branches_of(single, count)[0]
+    branches, slip_speed, _ = branches_of(single, count)
+    if _to_and_fro(position, slip_speed, single.period):
+        return False
     held = sum(b.torque.size for b in branches)
     slips = any(b.break_away is not None for b in branches)
     return held > HELD * len(single) and (slips or len(branches) > 2) and _elastic(branches, count)[2]
+
+
+def _to_and_fro(position: np.ndarray, slip_speed: float, period: float) -> bool:
+    """Return whether a joint turns back while it slides, as it does in a motion, and not at the end of a ramp.
+
+    Args:
+        position: [rad or m], (n,).
+        slip_speed: above which it slides [rad/s or m/s].
+        period: sampling interval [s].
+    """
+    velocity = filters.derivative(filters.low_pass(position, min(CUTOFF, 0.1 / period), 1.0 / period), period)
+    sliding = np.abs(velocity) >= slip_speed
+    for start, stop in spans(~sliding):
+        if (stop - start) * period < EDGE and start > 0 and stop < sliding.size:
+            sliding[start:stop] = True  # a turn, too short for a rest
+    for start, stop in spans(sliding):
+        along = velocity[start:stop] * period
+        ways = float(along[along > 0.0].sum()), -float(along[along < 0.0].sum())
+        if min(ways) > BACK * max(ways):
+            return True
+    return False
 
 
 def _elastic(branches: Sequence[Branch], count: float) -> tuple[bool, tuple[float, float] | None, bool]:
