@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from backdrive import Joint, Log, identify
-from backdrive.identification.ramp import _to_and_fro
+from backdrive.identification.ramp import _elastic, _to_and_fro
+from backdrive.identification.ramp_branches import Branch
 from backdrive.logs.health import check
 from backdrive.logs.resolution import resolution
 
@@ -151,3 +152,16 @@ def test_a_slide_that_turns_back_is_a_motion_and_slips_at_the_ends_of_ramps_are_
     rebound = 0.02 * np.exp(-np.maximum(t - 1.5, 0.0) / 0.02) * (t >= 1.5)
     assert not _to_and_fro(stroke + rebound, 0.05, 1e-3)
     assert not _to_and_fro(np.zeros(4000), 0.05, 1e-3)
+
+
+def test_a_branch_in_which_the_encoder_shows_nothing_does_not_spoil_the_stiffness():
+    random, count = np.random.default_rng(1), 1e-6
+    up, down = np.linspace(0.0, 0.7, 2000), np.linspace(0.09, -0.08, 60)
+    spring = Branch(
+        torque=up, position=up / 3000.0 + 1e-6 * random.standard_normal(2000), direction=1, break_away=None
+    )
+    still = Branch(torque=down, position=2e-6 * (down < 0.0), direction=-1, break_away=None)
+    assert still.secant[0] < 0.0  # it moved by two counts against the torque
+    resolved, stiffness, elastic = _elastic([still, spring], count)
+    assert resolved and elastic
+    assert stiffness[0] == pytest.approx(3000.0, rel=0.01)

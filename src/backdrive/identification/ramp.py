@@ -101,7 +101,8 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
             remedy="Record it along `backdrive plan ramp`, slowly, from rest.",
         )
     displacement = max(float(np.ptp(b.position)) for b in branches)
-    resolved, stiffness, elastic = _elastic(branches, count)
+    _, stiffness, elastic = _elastic(branches, count)
+    clear = _with_displacement(branches, count)
     if not elastic:
         raise NotIdentifiable(
             f"Joint '{joint}': it moves by {displacement:.3g} before it slides, but not like a spring: this is not "
@@ -115,7 +116,7 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
         count=count,
         displacement=displacement,
         stiffness=stiffness,
-        tangent=_stiffness([b.tangent for b in branches], branches, count) if resolved else None,
+        tangent=_stiffness([b.tangent for b in clear], clear, count) if clear else None,
         bound=max(b.bound(count) for b in branches),
         break_away=(_break_away(branches, 1), _break_away(branches, -1)),
         largest=(max(high for _, high in ends), min(low for low, _ in ends)),
@@ -187,13 +188,18 @@ def _to_and_fro(position: np.ndarray, slip_speed: float, period: float) -> bool:
 
 def _elastic(branches: Sequence[Branch], count: float) -> tuple[bool, tuple[float, float] | None, bool]:
     """Return whether the encoder resolves the presliding displacement, the secant stiffness, and whether it may be elastic."""
-    resolved = max(float(np.ptp(b.position)) for b in branches) >= RESOLVED * count
-    stiffness = _stiffness([b.secant for b in branches], branches, count) if resolved else None
+    resolved = _with_displacement(branches, count)
+    stiffness = _stiffness([b.secant for b in resolved], resolved, count) if resolved else None
     return (
-        resolved,
+        bool(resolved),
         stiffness,
         not resolved or (stiffness is not None and stiffness[1] <= VAGUE * stiffness[0]),
     )
+
+
+def _with_displacement(branches: Sequence[Branch], count: float) -> list[Branch]:
+    """Return the branches whose displacement the encoder resolves, so that they determine a stiffness."""
+    return [b for b in branches if float(np.ptp(b.position)) >= RESOLVED * count]
 
 
 def _ends(torque: np.ndarray) -> tuple[float, float]:
