@@ -25,7 +25,8 @@ STEP = 0.01  # longest change of the delay from one fit to the next [s]
 LONG = 0.015  # shortest delay that is also estimated by shifting the torque [s]
 WORTH = 0.75  # largest residual after such a shift, relative to that without, for which it is used [-]
 NEAR = 0.3, 0.01  # largest difference of two agreeing estimates of a delay, relative [-] and absolute [s]
-LEVER = 0.002  # distance of two delays that yields the response of the jerk [s]
+# least distance of two delays that yields the response of the jerk [s] and [sampling interval]: closer ones differ by noise
+LEVER, LEVER_SAMPLES = 0.002, 2.0
 SHARES = 0.3, 1.5  # limits of the response of the jerk during the search [-]
 KNOWN = 2.0  # largest standard error of a known delay [sampling interval]
 MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
@@ -181,7 +182,7 @@ def seek_slip(
         if not theta[inertia] > 0.0:
             return replace(open_, correlation=correlation)
         tried.append((delay, float(theta[jerk] / theta[inertia])))
-        delay, share, done = _next(tried)
+        delay, share, done = _next(tried, min(max(LEVER, LEVER_SAMPLES * period), STEP))
         if done:
             break
     covariance = noise.covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)
@@ -192,12 +193,12 @@ def seek_slip(
     if not rough:
         every = bins_at_delay(slow, tried[-1][0], knots).whiten(correlation).equations()
         blocks = regression.sandwich(every.map_columns(full.spread), theta)
-        variance = 0.5 * (variance + float(blocks[jerk, jerk]))
-    error = float(np.sqrt(variance) / theta[inertia] / share)
+        variance = max(variance, float(blocks[jerk, jerk]))
+    error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
 
 
-def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
+def _next(tried: list[tuple[float, float]], lever: float) -> tuple[float, float, bool]:
     """Return the next delay to try, the response of the jerk there [-], and whether the search has converged.
 
     If the jerk's coefficient changes sign between two delays, the delay lies between them. The response is not constant, so
@@ -205,23 +206,24 @@ def _next(tried: list[tuple[float, float]]) -> tuple[float, float, bool]:
 
     Args:
         tried: delays, and the remaining delay that the jerk's coefficient indicated for each [s].
+        lever: least distance of two delays that yields the response [s].
     """
     if len(tried) == 1:
-        return _beyond(*tried[0], LEVER), 1.0, False
+        return _beyond(*tried[0], lever), 1.0, False
     ordered = sorted(tried)
     around = [(a, b) for a, b in zip(ordered, ordered[1:], strict=False) if a[1] > 0.0 >= b[1]]
     if not around:
         (before, had), (delay, left) = tried[-2:]
         share = float(np.clip((had - left) / (delay - before), *SHARES))
-        return _beyond(delay, left / share, 0.5 * LEVER), 0.0, False
+        return _beyond(delay, left / share, 0.5 * lever), 0.0, False
     (low, more), (high, less) = min(around, key=lambda pair: pair[1][0] - pair[0][0])
     share = (more - less) / (high - low)
     delay = low + more / share
-    if high - low <= 1.5 * LEVER:
+    if high - low <= 1.5 * lever:
         return delay, share, True
     if delay - low < high - delay:  # a little beyond, so that the two delays enclose the solution
-        return min(delay + 0.5 * LEVER, 0.5 * (delay + high)), share, False
-    return max(delay - 0.5 * LEVER, 0.5 * (delay + low)), share, False
+        return min(delay + 0.5 * lever, 0.5 * (delay + high)), share, False
+    return max(delay - 0.5 * lever, 0.5 * (delay + low)), share, False
 
 
 def _beyond(delay: float, left: float, least: float) -> float:
