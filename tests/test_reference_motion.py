@@ -103,7 +103,9 @@ def test_every_number_of_a_motion_is_that_of_its_fit():
         e = found.dynamics[term]
         assert (e.value, e.standard_error) == (pytest.approx(value[i]), pytest.approx(error[i])), term
     late = found.dynamics["time_slip"]
-    assert (late.value, late.standard_error) == (pytest.approx(slip.delay), pytest.approx(slip.error))
+    # a robust fit ends once it is settled to a thousandth of a standard error
+    assert late.value == pytest.approx(slip.delay, abs=1e-3 * slip.error)
+    assert late.standard_error == pytest.approx(slip.error, rel=1e-4)
     assert found.dynamics["inertia"].value == pytest.approx(0.8, abs=0.05)
     assert found.dynamics["inertia"].unit == "kg.m^2" and found.dynamics["offset"].unit == "N.m"
     assert (found.joint.name, found.method) == ("a", "motion")

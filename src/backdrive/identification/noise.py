@@ -125,12 +125,13 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
     kept = X * mask[:, None]
     white = kept.T @ kept
     inverse = regression.invert(white)
-    lost = _white_loss(kept, inverse, lags)
+    each = np.fft.rfft(kept.T, fft_length(len(kept) + lags))
+    lost = _white_loss(each, inverse, len(kept), lags)
     products = (sums + sums[0] / max(size - p, 1) * lost) / np.maximum(_sums(mask, lags), 1.0)
     correlation = taper(products / products[0], size)
     independent = size / max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
     inside = float(np.mean(np.abs(residual[used]) <= width))
-    full = kept.T @ _toeplitz(kept, correlation)
+    full = kept.T @ _toeplitz(kept, correlation, each)
     bread = inverse / max(inside, LEAST)
     covariance = products[0] * bread @ _possible(full, white) @ bread
     return regression.widen_covariance(covariance, independent - p)
@@ -190,15 +191,20 @@ def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndar
     return across - np.einsum("abh,ab->h", QQ, Q.T @ G)
 
 
-def _white_loss(X: np.ndarray, inverse: np.ndarray, lags: int) -> np.ndarray:
+def _white_loss(each: np.ndarray, inverse: np.ndarray, n: int, lags: int) -> np.ndarray:
     """Return the decrease of the sum of products e_k e_(k+h) of white unit noise by a fit of columns X, by lag, (lags,).
 
     With H = X (X'X)^-1 X', that is the sum over k of H_(k,k+h). A few smooth columns take it from all short lags alike, so that
     the residuals of a short log look as if their noise was negatively correlated.
+
+    Args:
+        each: transforms of the columns on a circle of `fft_length(n + lags)` samples, (p, m).
+        inverse: (X'X)^-1, (p, p).
+        n: number of samples.
+        lags: number of lags.
     """
-    n = fft_length(X.shape[0] + lags)
-    each = np.fft.rfft(X.T, n)
-    return np.fft.irfft(np.sum(np.conj(each) * (inverse @ each), axis=0), n)[:lags]
+    power = np.sum(np.conj(each) * (inverse @ each), axis=0)
+    return np.fft.irfft(power, fft_length(n + lags))[:lags]
 
 
 def _sums(x: np.ndarray, lags: int) -> np.ndarray:
@@ -215,14 +221,20 @@ def _products(a: np.ndarray, b: np.ndarray, lags: int) -> np.ndarray:
     return np.fft.irfft(np.conj(A)[:, None] * B, n)[..., :lags]
 
 
-def _toeplitz(z: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-    """Return the product of a correlation's symmetric Toeplitz matrix and columns z, (n, k)."""
+def _toeplitz(z: np.ndarray, correlation: np.ndarray, each: np.ndarray | None = None) -> np.ndarray:
+    """Return the product of a correlation's symmetric Toeplitz matrix and columns z, (n, k).
+
+    Args:
+        z: columns, (n, k).
+        correlation: by lag [-], (L,).
+        each: transforms of the columns on a circle of an even number of samples, at least n + L, (k, m); None: computed here.
+    """
     n, m = z.shape[0], min(correlation.size, z.shape[0])
     if m == 1:
         return correlation[0] * z
-    size = fft_length(n + m)
+    size = fft_length(n + m) if each is None else 2 * (each.shape[1] - 1)
+    each = np.fft.rfft(z.T, size) if each is None else each
     circle = np.zeros(size)
     circle[:m] = correlation[:m]
     circle[size - m + 1 :] = correlation[m - 1 : 0 : -1]
-    spectrum = np.fft.rfft(circle) * np.fft.rfft(z.T, size)
-    return np.fft.irfft(spectrum, size)[:, :n].T
+    return np.fft.irfft(np.fft.rfft(circle) * each, size)[:, :n].T

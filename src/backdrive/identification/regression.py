@@ -17,6 +17,9 @@ NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 MOST_NOISE = 0.5  # largest share of a column's mean square that is taken as noise [-]
 WELL = 1e6  # condition number up to which an inverse is as accurate as a pseudoinverse [-]
 HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
+SETTLED = (
+    1e-3  # largest change of all residuals together in the last round of a robust fit [width of Huber's loss]
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -140,12 +143,24 @@ def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8)
     return _reweigh(X, y, w, rounds)[0]
 
 
-def robust_solution(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
-    """Return the coefficients for the weights of `robust_weights`, (p,)."""
-    return _reweigh(X, y, w, rounds)[1]
+def robust_solution(
+    X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8, start: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the coefficients for the weights of `robust_weights`, (p,).
+
+    Args:
+        X: regressor, (n, p).
+        y: right-hand side, (n,).
+        w: weights, (n,).
+        rounds: largest number of repetitions.
+        start: coefficients of a similar fit, which save repetitions, (p,); None: those of least squares.
+    """
+    return _reweigh(X, y, w, rounds, start)[1]
 
 
-def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[np.ndarray, np.ndarray]:
+def _reweigh(
+    X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int, start: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return Huber's weights times `w`, (n,), and the solution for them, (p,)."""
     inside = np.flatnonzero(w)
     p, prior = X.shape[1], w[inside]
@@ -158,22 +173,28 @@ def _reweigh(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int) -> tuple[
     rows /= scale
     whole /= scale[:, None] * scale
     whole.reshape(-1)[: p * (p + 1) : p + 2] += RIDGE  # the diagonal of X'X
-    minus, equations, count = -np.ones(p + 1), whole, inside.size
-    lighter, lost = inside[:0], prior[:0]
+    minus, count = -np.ones(p + 1), inside.size
+    lighter, lost, residual = inside[:0], prior[:0], np.full(count, np.inf)
+    solution = _solve_unit(whole) if start is None else start * scale[:p]
     for _ in range(rounds):
-        minus[:p] = _solve_unit(equations)
-        size = np.abs(rows @ minus)  # magnitudes of the residuals
+        minus[:p] = solution
+        residual, before = rows @ minus, residual
+        size = np.abs(residual)
         width = HUBER * _spread_of(size.copy()) if count else 0.0
+        before -= residual
+        if before @ before <= (SETTLED * width) ** 2:  # a standard error changes them by about a width
+            break
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
         part = rows.take(lighter, axis=0)  # few rows, whose lost weight is subtracted from all equations
         part *= np.sqrt(lost)[:, None]
         equations = whole - part.T @ part
+        solution = _solve_unit(equations)
     weights = prior.copy()
     weights[lighter] -= lost
     result = np.zeros(w.size)
     result[inside] = weights
-    return result, _solve_unit(equations) / scale[:p]
+    return result, solution / scale[:p]
 
 
 def _solve_unit(equations: np.ndarray) -> np.ndarray:

@@ -36,25 +36,36 @@ def drop_build_up(
         seconds: of the bins [s].
     """
     way, sense, middle = _ways(stretches, seconds)
-    fitted, used, before = raw.map_columns(spread), raw.used, 0.0
+    fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
     for share in SHARES:
         band = (way >= before) & (way < share * middle)
-        if np.count_nonzero(used & band) >= FEWEST and _lags(
-            replace(fitted, used=used), sense * band, correlation
-        ):
-            used = raw.used & (way >= share * middle)
+        if np.count_nonzero(used & band) >= FEWEST:
+            lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
+            used = raw.used & (way >= share * middle) if lags else used
         before = share * middle
     return replace(raw, used=used)
 
 
-def _lags(fitted: Bins, column: np.ndarray, correlation: float) -> bool:
-    """Return whether the torque along an additional column is significantly smaller than the fitted candidate predicts."""
+def _lags(
+    fitted: Bins, column: np.ndarray, correlation: float, start: np.ndarray | None
+) -> tuple[bool, np.ndarray]:
+    """Return whether the torque along an additional column is significantly smaller than the fitted candidate predicts.
+
+    Args:
+        fitted: bins with the candidate's columns.
+        column: the additional one, (n,).
+        correlation: of the noise of neighbouring bins [-].
+        start: coefficients of the fit before, (p + 1,).
+
+    Returns:
+        The answer, and the coefficients of this fit, (p + 1,).
+    """
     more = replace(fitted, X=np.column_stack([fitted.X, column])).whiten(correlation)
-    theta = fit(more)
+    theta = fit(more, start)
     if not theta[-1] < 0.0:
-        return False
+        return False, theta
     covariance = noise.covariance_of_fit(more.X, more.y - more.X @ theta, more.used)
-    return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1]))
+    return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1])), theta
 
 
 def _ways(stretches: Sequence[Signals], seconds: float) -> tuple[np.ndarray, np.ndarray, float]:

@@ -178,7 +178,7 @@ def seek_slip(
             correlation = neighbours(bins.y - bins.X @ theta, bins.used)
         if tried or correlation != 0.0:
             bins = bins.whiten(correlation)
-            theta = fit(bins)
+            theta = fit(bins, theta)
         if not theta[inertia] > 0.0:
             return replace(open_, correlation=correlation)
         tried.append((delay, float(theta[jerk] / theta[inertia])))
@@ -191,9 +191,7 @@ def seek_slip(
         return replace(open_, correlation=correlation)
     variance = float(covariance[jerk, jerk])
     if not rough:
-        every = bins_at_delay(slow, tried[-1][0], knots).whiten(correlation).equations()
-        blocks = regression.sandwich(every.map_columns(full.spread), theta)
-        variance = max(variance, float(blocks[jerk, jerk]))
+        variance = max(variance, float(regression.sandwich(bins.equations(), theta)[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
 
@@ -251,9 +249,14 @@ def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.C
     )
 
 
-def fit(bins: Bins) -> np.ndarray:
-    """Return the coefficients of all columns, fitted with Huber's loss, (p,)."""
-    return regression.robust_solution(bins.X, bins.y, bins.used.astype(float))
+def fit(bins: Bins, start: np.ndarray | None = None) -> np.ndarray:
+    """Return the coefficients of all columns, fitted with Huber's loss, (p,).
+
+    Args:
+        bins: to fit.
+        start: coefficients of a similar fit, (p,).
+    """
+    return regression.robust_solution(bins.X, bins.y, bins.used.astype(float), start=start)
 
 
 def neighbours(residual: np.ndarray, used: np.ndarray) -> float:
