@@ -13,6 +13,7 @@ from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.crossing import (
+    fast,
     is_bounded,
     lags_behind,
     possible,
@@ -167,8 +168,9 @@ class TorqueTask(Task):
         line = shape.rate is CoulombViscous
         if line and not lags_behind(records, slid, one.misses(records), late):
             return one  # a straight line fits through reversals as well
+        fitted = fast(records, slid, late) if line else slid
         again = {"begin": 8, "descend": 1, "begin_at": one.values} if line else warm_start
-        two = fit_law(shape, slid, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **again)
+        two = fit_law(shape, fitted, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **again)
         if line or lags_behind(records, slid, two.misses(records), late):
             return two
         return (
