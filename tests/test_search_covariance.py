@@ -103,3 +103,28 @@ def test_a_straight_line_leaves_out_a_smooth_crossing_of_zero():
         error = joint.law.rate.coulomb_positive - 2.0
         z.append(error / joint.standard_errors["coulomb_positive"])
     assert np.sqrt(np.mean(np.square(z))) < 2.0
+
+
+def build_up_log(seed: int, width: float = 0.004) -> Log:
+    """Return a log of a joint whose friction of 2 N.m changes its sign over a distance after each reversal, as a bristle bends."""
+    rng, t = np.random.default_rng(seed), np.arange(0.0, 30.0, 0.005)
+    waves = [(k, rng.uniform(0.0, 6.3)) for k in (1.0, 2.3, 4.1, 7.7)]
+    v = sum(np.cos(0.44 * k * t + phase) for k, phase in waves) * 0.4
+    position = 0.005 * np.cumsum(v)
+    way, friction = 0.0, np.empty(t.size)
+    for i, speed in enumerate(v):
+        way += 0.005 * (speed - abs(speed) * way / width)  # Dahl's bristle
+        friction[i] = 2.0 * way / width
+    torque = 0.2 * np.gradient(v, 0.005) + friction + 0.5 * v + 0.06 * rng.standard_normal(t.size)
+    return Log(
+        time=t, joints=(Joint(name="joint", unit="rad"),), position=position[:, None], torque=torque[:, None]
+    )
+
+
+def test_a_straight_line_leaves_out_the_build_up_of_friction_after_reversals():
+    z = []
+    for seed in range(5):
+        joint = identify(build_up_log(seed), law="coulomb-viscous").model.joints[0]
+        error = joint.law.rate.coulomb_positive - 2.0
+        z.append(error / joint.standard_errors["coulomb_positive"])
+    assert np.sqrt(np.mean(np.square(z))) < 2.5

@@ -15,7 +15,8 @@ from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.remark import EARLY
-from backdrive.identification.signals import SLOW, spans
+from backdrive.identification.settling import SHARES
+from backdrive.identification.signals import SLOW, since_reversal, spans
 from backdrive.laws.direction import BACKWARD
 
 ENOUGH = 0.3  # least share of sliding samples for a fit to sliding alone [-]
@@ -60,6 +61,32 @@ def fast(stretches: Sequence[Stretch], slid: Sequence[Stretch], late: float = 0.
     quick = [replace(s, judged=s.judged & (np.abs(earlier(s.velocity, late / s.dt)) >= least)) for s in slid]
     before, after = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, quick))
     return quick if after > ENOUGH * before else list(slid)
+
+
+def without_build_up(
+    stretches: Sequence[Stretch], misses: Sequence[np.ndarray], late: float
+) -> list[Stretch]:
+    """Return stretches in which samples do not count while friction still builds up after reversals; unchanged without such.
+
+    Args:
+        stretches: of one joint, in which only sliding counts.
+        misses: measured minus predicted torque of each stretch [N.m or N], (n,).
+        late: delay of the torque behind the motion [s].
+    """
+    since = [since_reversal(earlier(s.velocity, late / s.dt), 1.0 / s.dt) for s in stretches]
+    ways, middle = [way for way, _ in since], float(np.median([each for _, each in since]))
+    kept, before = list(stretches), 0.0
+    for share in SHARES:
+        bands = [(way >= before) & (way < share * middle) for way in ways]
+        rest = [replace(s, judged=s.judged & ~band) for s, band in zip(kept, bands, strict=True)]
+        if lags_behind(kept, rest, misses, late):
+            kept = [
+                replace(s, judged=s.judged & (way >= share * middle))
+                for s, way in zip(stretches, ways, strict=True)
+            ]
+        before = share * middle
+    count, left = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, kept))
+    return kept if left > ENOUGH * count else list(stretches)
 
 
 def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:

@@ -19,6 +19,7 @@ from backdrive.identification.dynamic.crossing import (
     possible,
     sliding,
     slips_too_early,
+    without_build_up,
 )
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
@@ -171,7 +172,13 @@ class TorqueTask(Task):
         fitted = fast(records, slid, late) if line else slid
         again = {"begin": 8, "descend": 1, "begin_at": one.values} if line else warm_start
         two = fit_law(shape, fitted, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **again)
-        if line or lags_behind(records, slid, two.misses(records), late):
+        if line:
+            rest = without_build_up(fitted, two.misses(fitted), two.values.get("delay", 0.0))
+            if all(np.array_equal(s.judged, t.judged) for s, t in zip(fitted, rest, strict=True)):
+                return two
+            warm = {**again, "begin_at": two.values}
+            return fit_law(shape, rest, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **warm)
+        if lags_behind(records, slid, two.misses(records), late):
             return two
         return (
             two if choice.training_error(two, slid)[0] < BETTER * choice.training_error(one, slid)[0] else one
