@@ -8,12 +8,13 @@ import pytest
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.delay import earlier
+from backdrive.identification.dynamic.covariance import inverse, search_covariance
 from backdrive.identification.dynamic.fit import conclude
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.search import Search, screen
 from backdrive.identification.dynamic.starts import scales, starts
 from backdrive.identification.dynamic.torque import Stretch, TorqueProblem, stretch
-from backdrive.identification.dynamic.uncertainty import bootstrap, inverse, profile, search_covariance
+from backdrive.identification.dynamic.uncertainty import bootstrap, profile
 from backdrive.identification.dynamic.unknowns import LawShape, shares
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, MaxwellSlip, Polyline, StribeckGauss

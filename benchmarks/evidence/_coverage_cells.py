@@ -101,16 +101,21 @@ def _terms(result: Any, case: Case) -> Terms:
     rate = friction.law.rate
     if isinstance(rate, CoulombViscous):
         knots = np.array([0.0, max(abs(v) for v in friction.validity.velocity)])
-        symmetric = rate.coulomb_positive == rate.coulomb_negative
+        at_rest = rate.coulomb_positive == rate.coulomb_negative
+        symmetric = at_rest and rate.viscous_positive == rate.viscous_negative
     else:
         knots, symmetric = np.array(rate.velocity), rate.positive == rate.negative
+        at_rest = rate.positive[0] == rate.negative[0]
+    offset = "offset" in friction.dynamics
     runs = result.method == "constant-velocity"
-    used = knots.size * (1 if symmetric else 2) + ("offset" in friction.dynamics)
+    alike = at_rest and offset and not symmetric  # the data cannot tell a constant from friction by direction
+    used = knots.size * (1 if symmetric else 2) + offset - alike
     return Terms(
         knots=knots,
         symmetric=symmetric,
+        alike=alike,
         gravity="gravity_sin" in friction.dynamics,
-        offset="offset" in friction.dynamics and symmetric,
+        offset=offset and (symmetric or alike),
         inertia=not runs,
         flanks=result.method == "sweep",
         freedom=len(case.records) - used if runs else math.inf,

@@ -31,6 +31,7 @@ class Terms(NamedTuple):
     Attributes:
         knots: speeds, zero first where the curve has one there [rad/s].
         symmetric: one curve for both directions.
+        alike: two curves that meet at rest, with a constant beside them.
         gravity: sin q and cos q take part.
         offset: a constant takes part.
         inertia: inertia and delay take part.
@@ -40,6 +41,7 @@ class Terms(NamedTuple):
 
     knots: np.ndarray
     symmetric: bool
+    alike: bool
     gravity: bool
     offset: bool
     inertia: bool
@@ -86,12 +88,14 @@ def oracle(records: Sequence[Record], terms: Terms, kind: str = "jump") -> Oracl
     scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     covariance = np.linalg.pinv((X / scale).T @ (X / scale), rcond=1e-12) / np.outer(scale, scale)
     quantile = float(stats.t.ppf(0.975, terms.freedom)) if terms.freedom > 0 else np.inf
-    curve = np.sqrt(np.maximum(np.diag(covariance), 0.0))[: 2 * k]
-    curves = [slice(0, k), slice(0, k) if terms.symmetric else slice(k, 2 * k)]
+    curve = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    second = np.arange(k) if terms.symmetric else np.r_[0 if terms.alike else k, k + 1 : 2 * k]
+    second[1:] -= terms.alike
+    curves = [np.arange(k), second]
     slope = np.zeros(k)
     slope[0], slope[-1] = -1.0, 1.0
     slope /= max(float(terms.knots[-1] - terms.knots[0]), 1e-300)
-    viscous = [np.sqrt(max(slope @ covariance[side, side] @ slope, 0.0)) for side in curves]
+    viscous = [np.sqrt(max(slope @ covariance[np.ix_(side, side)] @ slope, 0.0)) for side in curves]
     delay = np.inf
     if terms.inertia:
         delay = float(np.sqrt(covariance[-1, -1]) / records[0].joint.inertia)
@@ -114,6 +118,10 @@ def _whitened(record: Record, terms: Terms, kind: str) -> np.ndarray:
         curve = np.hstack(
             [shapes * np.maximum(level, 0.0)[:, None], shapes * np.minimum(level, 0.0)[:, None]]
         )
+        if terms.alike:
+            k = terms.knots.size
+            curve[:, 0] += curve[:, k]
+            curve = np.delete(curve, k, axis=1)
     columns = [curve]
     if terms.offset:
         columns.append(np.ones((v.size, 1)))

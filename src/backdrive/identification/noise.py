@@ -114,27 +114,38 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
         residual: of the fit, (n,).
         used: mask of the fitted samples, (n,).
     """
-    size, p = int(np.count_nonzero(used)), X.shape[1]
+    p = X.shape[1]
     width = regression.HUBER * regression.robust_spread(residual[used])
     score = np.where(used, np.clip(residual, -width, width), 0.0)
-    mask = used.astype(float)
+    if not float(score @ score) > 0.0:
+        return np.zeros((p, p))
+    kept = X * used[:, None]
+    inverse = regression.invert(kept.T @ kept)
+    covariance, independent = covariance_of_scores(kept, score, used, inverse)
+    bread = inverse / max(float(np.mean(np.abs(residual[used]) <= width)), LEAST)
+    return regression.widen_covariance(bread @ covariance @ bread, independent - p)
+
+
+def covariance_of_scores(
+    X: np.ndarray, score: np.ndarray, used: np.ndarray, inverse: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Return the covariance of the sums X' score for stationary noise, (p, p), and its number of independent samples.
+
+    Args:
+        X: regressor of evenly spaced samples, 0 at those that are not used, (n, p).
+        score: residuals of the fit, clipped or weighted, 0 at samples that are not used, (n,).
+        used: mask of the fitted samples, (n,).
+        inverse: of X'X, (p, p).
+    """
+    size, p = int(np.count_nonzero(used)), X.shape[1]
     lags = min(LONGEST, len(score))
     sums = _sums(score, lags)
-    if not sums[0] > 0.0:
-        return np.zeros((p, p))
-    kept = X * mask[:, None]
-    white = kept.T @ kept
-    inverse = regression.invert(white)
-    each = np.fft.rfft(kept.T, fft_length(len(kept) + lags))
-    lost = _white_loss(each, inverse, len(kept), lags)
-    products = (sums + sums[0] / max(size - p, 1) * lost) / np.maximum(_sums(mask, lags), 1.0)
+    each = np.fft.rfft(X.T, fft_length(len(X) + lags))
+    lost = _white_loss(each, inverse, len(X), lags)
+    products = (sums + sums[0] / max(size - p, 1) * lost) / np.maximum(_sums(used.astype(float), lags), 1.0)
     correlation = taper(products / products[0], size)
     independent = size / max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
-    inside = float(np.mean(np.abs(residual[used]) <= width))
-    full = kept.T @ _toeplitz(kept, correlation, each)
-    bread = inverse / max(inside, LEAST)
-    covariance = products[0] * bread @ _possible(full, white) @ bread
-    return regression.widen_covariance(covariance, independent - p)
+    return products[0] * _possible(X.T @ _toeplitz(X, correlation, each), X.T @ X), independent
 
 
 def _possible(full: np.ndarray, white: np.ndarray) -> np.ndarray:

@@ -261,8 +261,18 @@ def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
     """Return the distance since the last reversal, (n,), and the median distance between two reversals [rad or m]."""
-    bounds, way, whole = _ways(s.velocity)
-    return way / s.rate, float(np.median(whole[bounds[:-1]])) / s.rate
+    return since_reversal(s.velocity, s.rate)
+
+
+def since_reversal(velocity: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
+    """Return the distance since the last reversal, (n,), and the median distance between two reversals [rad or m].
+
+    Args:
+        velocity: [rad/s or m/s], (n,).
+        rate: sampling frequency [Hz].
+    """
+    bounds, way, whole = _ways(velocity)
+    return way / rate, float(np.median(whole[bounds[:-1]])) / rate
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:

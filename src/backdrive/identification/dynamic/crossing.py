@@ -15,12 +15,14 @@ from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.remark import EARLY
-from backdrive.identification.signals import spans
+from backdrive.identification.settling import SHARES
+from backdrive.identification.signals import SLOW, since_reversal, spans
 from backdrive.laws.direction import BACKWARD
 
 ENOUGH = 0.3  # least share of sliding samples for a fit to sliding alone [-]
 LESS = 2.0  # least significance of lower friction at reversals for which they are left out [standard error]
 SMALL = 0.005  # least decrease of friction at reversals, relative to the RMS torque [-]
+BOTH = 0.05  # least share of the top speed that counts as motion in both directions [-]
 FEWEST_TURNS = 6  # least number of reversals for the test
 
 
@@ -41,6 +43,50 @@ def sliding(stretches: Sequence[Stretch], late: float = 0.0) -> list[Stretch]:
     ]
     before, after = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, slid))
     return slid if after > ENOUGH * before else list(stretches)
+
+
+def fast(stretches: Sequence[Stretch], slid: Sequence[Stretch], late: float = 0.0) -> list[Stretch]:
+    """Return stretches of sliding in which slow samples do not count, if the others are enough; otherwise `slid` unchanged.
+
+    Friction that changes its sign over a range of speeds, or that has a Stribeck peak, bends a straight line there.
+
+    Args:
+        stretches: of one joint.
+        slid: the same stretches, in which only sliding counts.
+        late: delay of the torque behind the motion [s].
+    """
+    ways = np.concatenate([s.velocity[s.judged] for s in stretches])
+    ends = -float(ways.min()), float(ways.max())
+    least = SLOW * (min(ends) if min(ends) > BOTH * max(ends) else max(ends))
+    quick = [replace(s, judged=s.judged & (np.abs(earlier(s.velocity, late / s.dt)) >= least)) for s in slid]
+    before, after = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, quick))
+    return quick if after > ENOUGH * before else list(slid)
+
+
+def without_build_up(
+    stretches: Sequence[Stretch], misses: Sequence[np.ndarray], late: float
+) -> list[Stretch]:
+    """Return stretches in which samples do not count while friction still builds up after reversals; unchanged without such.
+
+    Args:
+        stretches: of one joint, in which only sliding counts.
+        misses: measured minus predicted torque of each stretch [N.m or N], (n,).
+        late: delay of the torque behind the motion [s].
+    """
+    since = [since_reversal(earlier(s.velocity, late / s.dt), 1.0 / s.dt) for s in stretches]
+    ways, middle = [way for way, _ in since], float(np.median([each for _, each in since]))
+    kept, before = list(stretches), 0.0
+    for share in SHARES:
+        bands = [(way >= before) & (way < share * middle) for way in ways]
+        rest = [replace(s, judged=s.judged & ~band) for s, band in zip(kept, bands, strict=True)]
+        if lags_behind(kept, rest, misses, late):
+            kept = [
+                replace(s, judged=s.judged & (way >= share * middle))
+                for s, way in zip(stretches, ways, strict=True)
+            ]
+        before = share * middle
+    count, left = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, kept))
+    return kept if left > ENOUGH * count else list(stretches)
 
 
 def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:

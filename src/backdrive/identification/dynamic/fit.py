@@ -11,9 +11,10 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive.engine import Axis
 from backdrive.identification.dynamic import words
+from backdrive.identification.dynamic.covariance import search_covariance
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.search import SearchResult
-from backdrive.identification.dynamic.uncertainty import WEAK, intervals, search_covariance
+from backdrive.identification.dynamic.uncertainty import WEAK, intervals
 from backdrive.identification.evidence import sentences
 from backdrive.identification.options import Interval
 from backdrive.laws import Law
@@ -150,7 +151,12 @@ def conclude(problem: Problem, found: SearchResult, loss: str = "huber") -> Fit:
     low = found.point <= problem.lower + NEAR
     at_bound = low | (found.point >= problem.upper - NEAR)
     cov = search_covariance(
-        found.jacobian, found.residual, found.weight, ~at_bound, problem.edges, problem.encoder(found.point)
+        found.jacobian,
+        found.residual,
+        found.weight,
+        ~at_bound,
+        problem.instants,
+        problem.encoder(found.point),
     )
     root = np.sqrt(np.diag(cov.matrix))
     errors, relative = {}, np.full(len(root), np.inf)

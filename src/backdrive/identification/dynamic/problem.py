@@ -17,6 +17,7 @@ from backdrive.engine import Axis
 from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.search import SearchResult
 from backdrive.identification.dynamic.unknowns import LawShape, Unknown
+from backdrive.identification.noise import LONGEST
 
 
 class Problem(ABC):
@@ -67,6 +68,13 @@ class Problem(ABC):
     def edges(self) -> list[int]:
         """Index in the residuals at which each record ends."""
         return np.cumsum([int(counts.sum()) for _, counts in self.series()]).tolist()
+
+    @property
+    def instants(self) -> np.ndarray:
+        """Index of the sample of each residual, with records at least `noise.LONGEST` samples apart, (m,)."""
+        counted = [counts for _, counts in self.series()]
+        begin = np.cumsum([0, *(len(counts) + LONGEST for counts in counted[:-1])])
+        return np.concatenate([b + np.flatnonzero(counts) for b, counts in zip(begin, counted, strict=True)])
 
     @property
     def size(self) -> int:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from backdrive.identification.curves import SHARES
+from backdrive.identification.dynamic.covariance import search_covariance
 from backdrive.identification.dynamic.crossing import sliding_only
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
-from backdrive.identification.dynamic.uncertainty import search_covariance
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.evidence import evidence
 from backdrive.identification.motion_bins import slowest_sliding
@@ -156,7 +156,7 @@ def band(final: Fit, velocity: np.ndarray) -> np.ndarray:
     """Return the standard error of the steady curve at velocities [N.m or N]."""
     at = np.isfinite([final.standard_errors[n] for n in final.problem.names])
     cov = search_covariance(
-        final.found.jacobian, final.found.residual, final.found.weight, at, final.problem.edges
+        final.found.jacobian, final.found.residual, final.found.weight, at, final.problem.instants
     )
     centre, columns = final.law.torque(velocity), []
     for i in np.flatnonzero(at):

@@ -13,11 +13,13 @@ from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.crossing import (
+    fast,
     is_bounded,
     lags_behind,
     possible,
     sliding,
     slips_too_early,
+    without_build_up,
 )
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.joint_fit import Task
@@ -167,9 +169,16 @@ class TorqueTask(Task):
         line = shape.rate is CoulombViscous
         if line and not lags_behind(records, slid, one.misses(records), late):
             return one  # a straight line fits through reversals as well
+        fitted = fast(records, slid, late) if line else slid
         again = {"begin": 8, "descend": 1, "begin_at": one.values} if line else warm_start
-        two = fit_law(shape, slid, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **again)
-        if line or lags_behind(records, slid, two.misses(records), late):
+        two = fit_law(shape, fitted, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **again)
+        if line:
+            rest = without_build_up(fitted, two.misses(fitted), two.values.get("delay", 0.0))
+            if all(np.array_equal(s.judged, t.judged) for s, t in zip(fitted, rest, strict=True)):
+                return two
+            warm = {**again, "begin_at": two.values}
+            return fit_law(shape, rest, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **warm)
+        if lags_behind(records, slid, two.misses(records), late):
             return two
         return (
             two if choice.training_error(two, slid)[0] < BETTER * choice.training_error(one, slid)[0] else one

@@ -1,9 +1,8 @@
-"""Uncertainty of a fit: a covariance valid for noise correlated in time, and 95 % intervals by three methods."""
+"""Uncertainty of a fit: 95 % intervals by three methods."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
 from typing import Any, get_args
 
 import numpy as np
@@ -11,11 +10,10 @@ import numpy as np
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
 from backdrive.identification import regression
+from backdrive.identification.dynamic.covariance import BLOCKS, inverse
 from backdrive.identification.dynamic.search import Search, SearchResult
 from backdrive.identification.options import Interval
 
-BLOCKS = 60  # number of blocks of time whose scores are taken as independent
-UNSEEN = 1e4  # standard error above which a parameter counts as without effect on the residuals [search coordinate]
 RISE = 1.96  # square root of the cost's rise at the ends of a 95 % profile interval [standard deviation]
 CLOSE = 0.003  # relative tolerance of `RISE` at the ends of a profile interval [-]
 WEAK = 0.10  # relative standard error above which a parameter counts as not identifiable [-]
@@ -23,86 +21,6 @@ WEAK = 0.10  # relative standard error above which a parameter counts as not ide
 
 METHODS: tuple[str, ...] = get_args(Interval)
 STEPS = 8  # largest number of iterations of the refit at each point of a profile
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Covariance:
-    """Covariance of the search coordinates.
-
-    Attributes:
-        matrix: (P, P); NaN for coordinates at a bound, infinite for coordinates without effect on the residuals.
-        correlation: between them, (P, P).
-    """
-
-    matrix: np.ndarray
-    correlation: np.ndarray
-
-
-def search_covariance(
-    jacobian: np.ndarray,
-    residual: np.ndarray,
-    weight: np.ndarray,
-    free: np.ndarray,
-    edges: Sequence[int] = (),
-    inputs: np.ndarray | None = None,
-) -> Covariance:
-    """Return the covariance of a weighted least-squares fit.
-
-    The scores are summed over blocks of time before they are squared. Residuals that keep their sign for a while (encoder
-    steps, effects not in the law) thus count as one error. No variance is smaller than that for independent residuals and
-    errors of the motion.
-
-    Args:
-        jacobian: derivatives of the residuals with respect to the search coordinates, (m, P).
-        residual: (m,).
-        weight: of the residuals, (m,).
-        free: coordinates that are not at a bound, (P,).
-        edges: index in the residuals at which each record ends.
-        inputs: changes of the residuals by random errors of the motion, one draw per row, (D, m).
-    """
-    m, P = jacobian.shape
-    matrix, correlation = np.full((P, P), np.nan), np.eye(P)
-    result = Covariance(matrix=matrix, correlation=correlation)
-    if m <= free.sum():
-        return result
-    variance = float((weight * residual) @ residual) / max(m - int(free.sum()), 1)
-    length = np.linalg.norm(np.where(np.isfinite(jacobian), jacobian, 0.0), axis=0)
-    seen = free & (length * UNSEEN > np.sqrt(variance)) & np.isfinite(jacobian).all(axis=0)
-    matrix[free & ~seen, free & ~seen] = np.inf
-    if not seen.any():
-        return result
-    size = length[seen]
-    J = jacobian[:, seen] / size
-    bread = inverse(J.T @ (weight[:, None] * J))
-    scores = J * (weight * residual)[:, None]
-    bounds = sorted({0, m, *edges})
-    parts = []
-    for a, b in zip(bounds, bounds[1:], strict=False):
-        count = max(1, round(BLOCKS * (b - a) / m))
-        cuts = np.unique(np.linspace(a, b, count + 1).astype(int))
-        parts.append(np.add.reduceat(scores, cuts[:-1], axis=0))
-    plain = variance * bread
-    sandwich = regression.cluster_covariance(bread, np.concatenate(parts))
-    if inputs is not None and len(inputs):
-        moves = (inputs * weight) @ J @ bread
-        plain = plain + moves.T @ moves / len(inputs)
-    root = np.sqrt(np.maximum(np.diag(plain), 1e-300))
-    grown = np.sqrt(np.maximum(np.diag(sandwich) / root**2, 1.0))
-    at = np.ix_(seen, seen)
-    matrix[at] = plain * np.outer(grown, grown) / np.outer(size, size)
-    correlation[at] = plain / np.outer(root, root)
-    return result
-
-
-def inverse(gram: np.ndarray) -> np.ndarray:
-    """Return the inverse of a Gram matrix; directions that the data do not determine get a large, finite variance.
-
-    Args:
-        gram: symmetric, with a diagonal of the order of 1, (P, P).
-    """
-    value, vector = np.linalg.eigh(gram)
-    value = np.maximum(value, 1e-14 * value.max())
-    return (vector / value) @ vector.T
 
 
 def profile(
