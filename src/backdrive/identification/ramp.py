@@ -25,7 +25,7 @@ from backdrive.identification.signals import spans
 from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs import filters
 from backdrive.logs.log import Log
-from backdrive.logs.resolution import encoder_step, white_noise
+from backdrive.logs.resolution import channel_noise, encoder_step, white_noise
 
 VAGUE = 0.5  # largest relative standard error of a stiffness [-]
 ROUNDING = 1e-6  # noise below which it counts as rounding error, relative to the range of the torque [-]
@@ -149,11 +149,13 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     sizes = [part.stop - part.start for part in inner]
     if min(sizes) < SHORTEST:
         return False  # too short for a ramp
-    most = sum(sizes) * (STRAIGHT * float(np.ptp(smooth)) + white_noise(torque)) ** 2
+    noise = channel_noise(single, "torque", 0) if single.external_torque is None else white_noise(torque)
+    most = sum(sizes) * (STRAIGHT * float(np.ptp(smooth)) + noise) ** 2
     off = 0.0
     for part, size in zip(inner, sizes, strict=True):
-        time = np.arange(size)
-        off += float(np.sum((smooth[part] - np.polyval(np.polyfit(time, smooth[part], 1), time)) ** 2))
+        time, left = np.arange(size) - 0.5 * (size - 1), smooth[part] - smooth[part].mean()
+        left -= time @ left / (time @ time) * time
+        off += float(left @ left)
         if off > most:
             return False
     count = encoder_step(single) or 3.0 * white_noise(position)
