@@ -272,10 +272,16 @@ def waves_at(
         turn, begun = (2.0 * turn[0] * turn[1], turn[1] ** 2 - turn[0] ** 2), begun + more
     if size < count:
         turn = np.sin(size * step * position), np.cos(size * step * position)
+    one, other = np.empty((2, *sine.shape))
     for at in range(0, count, size):
         rows = slice(at, min(at + size, count))
         if at:
-            sine, cosine = sine * turn[1] + cosine * turn[0], cosine * turn[1] - sine * turn[0]
+            np.multiply(cosine, turn[0], out=one)
+            np.multiply(sine, turn[0], out=other)
+            sine *= turn[1]
+            cosine *= turn[1]
+            sine += one
+            cosine -= other
         yield rows, sine[: rows.stop - at], cosine[: rows.stop - at]
 
 

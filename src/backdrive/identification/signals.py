@@ -204,7 +204,11 @@ def _load(log: Log) -> np.ndarray | None:
 
 def spans(mask: np.ndarray) -> np.ndarray:
     """Return first index and end index (exclusive) of every stretch of True, (k, 2)."""
-    return np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8))).reshape(-1, 2)
+    if not mask.size:
+        return np.zeros((0, 2), dtype=np.intp)
+    change = np.flatnonzero(mask[1:] != mask[:-1]) + 1
+    first, last = [0] * bool(mask[0]), [mask.size] * bool(mask[-1])
+    return np.concatenate([first, change, last]).astype(np.intp).reshape(-1, 2)
 
 
 def mark_moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
@@ -255,8 +259,10 @@ def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     The distances belong to each sample, (n,) [rad or m times rate].
     """
-    bounds = np.r_[0, np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1, velocity.size]
-    length, way = np.diff(bounds), np.r_[0.0, np.cumsum(np.abs(velocity))]
+    sign, way = np.sign(velocity), np.zeros(velocity.size + 1)
+    bounds = np.concatenate([[0], np.flatnonzero(sign[1:] != sign[:-1]) + 1, [velocity.size]])
+    np.cumsum(np.abs(velocity), out=way[1:])
+    length = np.diff(bounds)
     return bounds, way[1:] - np.repeat(way[bounds[:-1]], length), np.repeat(np.diff(way[bounds]), length)
 
 

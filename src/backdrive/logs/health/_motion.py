@@ -7,6 +7,7 @@ relations between them, and removes the noise of the torque.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -240,12 +241,14 @@ def sparse(x: np.ndarray, width: int, reach: int) -> np.ndarray:
     return sum(sums[:, k : k + m, k] for k in range(parts)) + offset
 
 
+@lru_cache(maxsize=16)
 def _weights(width: int) -> np.ndarray:
     """Return the weights of three running means of a width, (3 width - 2,)."""
     one = np.ones(width) / width
     return np.convolve(np.convolve(one, one), one)
 
 
+@lru_cache(maxsize=16)
 def _gain(*widths: int) -> float:
     """Return the variance of unit white noise after the running means."""
     kernel = np.ones(1)

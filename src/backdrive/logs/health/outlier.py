@@ -164,14 +164,15 @@ def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
     x = exam.log.channels[channel][:, j]
     survey = exam.survey(channel)
     found: list[int] = []
-    resting = _resting_ends(exam, j) if channel not in ("position", "second_encoder") else (False, False)
-    for row, rest, at_rest in ((0, x[1:], resting[0]), (x.size - 1, x[:-1], resting[1])):
+    may_rest = channel not in ("position", "second_encoder")
+    for end, row, rest in ((0, 0, x[1:]), (1, x.size - 1, x[:-1])):
         if x[row] not in (survey.low[j], survey.high[j]):
             continue
         low, high = float(rest.min()), float(rest.max())
         away = max(low - x[row], x[row] - high)
-        starts = at_rest and away <= max(-low, high)
-        if not starts and away > max(high - low, 4 * exam.quantum(channel, j)):
+        if not away > max(high - low, 4 * exam.quantum(channel, j)):
+            continue
+        if not (may_rest and away <= max(-low, high) and _resting_ends(exam, j)[end]):
             found.append(row)
     return np.array(found, np.intp)
 
