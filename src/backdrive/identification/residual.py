@@ -226,10 +226,14 @@ class Residual:
         W, n, F, weight = waves.size, self.time.size, len(factors), factors**2
         own = np.column_stack([self._error_apart, self._basis])
         both = np.reshape(factors[..., None] * own, (F, n, -1)).swapaxes(0, 1).reshape(n, -1)
-        sums, square = np.empty((2, W, both.shape[1])), np.empty((2, F, W))
+        sums, square, level = np.empty((2, W, both.shape[1])), np.empty((2, F, W)), np.all(weight == 1.0)
         for rows, sine, cosine in waves_at(self.position, waves[0], step, W):
             sums[0, rows], sums[1, rows] = sine @ both, cosine @ both
-            square[0, :, rows], square[1, :, rows] = weight @ (sine * sine).T, weight @ (sine * cosine).T
+            if level:
+                products = np.einsum("wn,wn->w", sine, sine), np.einsum("wn,wn->w", sine, cosine)
+            else:
+                products = weight @ (sine * sine).T, weight @ (sine * cosine).T
+            square[0, :, rows], square[1, :, rows] = products
         pair = sums.reshape(2, W, F, -1).transpose(2, 1, 0, 3)
         moment, held = pair[..., 0], pair[..., 1:]
         of_sine, mixed = square

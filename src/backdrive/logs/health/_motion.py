@@ -237,8 +237,11 @@ def sparse(x: np.ndarray, width: int, reach: int) -> np.ndarray:
     np.subtract(reached, offset, out=held[:, : reached.shape[1]])
     share = np.zeros(parts * step)
     share[: weights.size] = weights
-    sums = held.reshape(x.shape[0], -1, step) @ share.reshape(parts, step).T
-    return sum(sums[:, k : k + m, k] for k in range(parts)) + offset
+    sums = (share.reshape(parts, step) @ held.reshape(-1, step).T).reshape(parts, len(x), -1)
+    total = sums[0, :, :m] + offset
+    for k in range(1, parts):
+        total += sums[k, :, k : k + m]
+    return total
 
 
 @lru_cache(maxsize=16)
