@@ -55,12 +55,12 @@ def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tu
 def _travel(log: Log) -> np.ndarray:
     """Return the travel of each joint, without single outliers [rad or m], (J,)."""
     if log.position is not None:
-        return np.array([quantile(x, 0.995) - quantile(x, 0.005) for x in map(_known, log.position.T)])
-    columns = map(_known, np.abs(log.need("velocity")).T)
+        return np.array([quantile(x, 0.995) - quantile(x, 0.005) for x in map(_without_nan, log.position.T)])
+    columns = map(_without_nan, np.abs(log.need("velocity")).T)
     return np.array([quantile(x, 0.99) for x in columns]) * log.duration
 
 
-def _known(x: np.ndarray) -> np.ndarray:
+def _without_nan(x: np.ndarray) -> np.ndarray:
     """Return the values of a series (n,) that are not NaN."""
     lost = np.isnan(x)
     return x[~lost] if lost.any() else x

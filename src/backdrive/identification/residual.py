@@ -276,7 +276,7 @@ def waves_at(
         turn, begun = (2.0 * turn[0] * turn[1], turn[1] ** 2 - turn[0] ** 2), begun + more
     if size < count:
         turn = np.sin(size * step * position), np.cos(size * step * position)
-    one, other = np.empty((2, *sine.shape))
+    one, other = np.empty_like(sine), np.empty_like(sine)
     for at in range(0, count, size):
         rows = slice(at, min(at + size, count))
         if at:

@@ -22,7 +22,7 @@ from backdrive import errors
 from backdrive.logs.readers import _worker
 
 _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux
-_PRCTL = ctypes.CDLL(None).prctl if sys.platform == "linux" else None
+_C_LIBRARY = ctypes.CDLL(None)
 _POLL = 0.005  # between looks at a child where the system has no descriptor of a process [s]
 
 
@@ -77,8 +77,8 @@ def _parse(task: _worker.Task, answers: Any, server: int) -> NoReturn:
     """Parse one file in the child, which ends with that."""
     code = 1
     try:
-        if _PRCTL is not None:
-            _PRCTL(_DEATH_SIGNAL, signal.SIGKILL)
+        if sys.platform == "linux":
+            _C_LIBRARY.prctl(_DEATH_SIGNAL, signal.SIGKILL)
         if os.getppid() == server:
             _worker.answer(task, answers)
             code = 0
