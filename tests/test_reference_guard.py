@@ -514,11 +514,11 @@ _worker.main()
 def test_what_the_worker_gives_up():
     code = (
         "import resource, signal, sys, os\nfrom backdrive.logs.readers import _worker\n"
-        "_worker.lock(); _worker._bound_memory(64 << 20)\n"
+        "_worker.lock(); _worker._bound_memory(_worker._memory_bound(64 << 20))\n"
         "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize() if os.path.exists('/proc') else 0\n"
         "print(resource.getrlimit(resource.RLIMIT_CORE), resource.getrlimit(resource.RLIMIT_FSIZE), sys.dont_write_bytecode)\n"
         "soft, hard = resource.getrlimit(resource.RLIMIT_AS)\nprint(soft - used if used else 64 << 20, hard)\n"
-        "_worker._bound_memory(32 << 20)\nprint(soft - resource.getrlimit(resource.RLIMIT_AS)[0])"
+        "_worker._bound_memory(_worker._memory_bound(32 << 20))\nprint(soft - resource.getrlimit(resource.RLIMIT_AS)[0])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     first, second, third = done.stdout.splitlines()

@@ -12,6 +12,7 @@ from backdrive.identification.ramp import is_ramp
 from backdrive.identification.runs import LEAST_RUNS, whole_run
 from backdrive.identification.sweep_windows import find_windows
 from backdrive.logs.log import Log
+from backdrive.logs.quantiles import quantile
 
 #: Method -> motion that it needs, in words.
 METHODS: dict[str, str] = {
@@ -23,6 +24,7 @@ METHODS: dict[str, str] = {
     "dynamic": "any motion with reversals, or the input of a drive: a search for any law, presliding included",
 }
 
+CYCLES = 4  # least number of cycles of a sweep
 IDLE = 0.02  # travel below which a joint is idle, relative to the largest travel of the same unit [-]
 
 
@@ -53,10 +55,15 @@ def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tu
 def _travel(log: Log) -> np.ndarray:
     """Return the travel of each joint, without single outliers [rad or m], (J,)."""
     if log.position is not None:
-        columns = [x[~np.isnan(x)] for x in log.position.T]
-        return np.array([np.subtract(*np.quantile(x, (0.995, 0.005))) if x.size else np.nan for x in columns])
-    columns = [x[~np.isnan(x)] for x in np.abs(log.need("velocity")).T]
-    return np.array([np.quantile(x, 0.99) if x.size else np.nan for x in columns]) * log.duration
+        return np.array([quantile(x, 0.995) - quantile(x, 0.005) for x in map(_without_nan, log.position.T)])
+    columns = map(_without_nan, np.abs(log.need("velocity")).T)
+    return np.array([quantile(x, 0.99) for x in columns]) * log.duration
+
+
+def _without_nan(x: np.ndarray) -> np.ndarray:
+    """Return the values of a series (n,) that are not NaN."""
+    lost = np.isnan(x)
+    return x[~lost] if lost.any() else x
 
 
 def own_turn(log: Log, joint: str) -> Log:
@@ -114,6 +121,6 @@ def _sweeps(log: Log, joint: str) -> bool:
     if log.position is None:
         return False
     try:
-        return len(find_windows(log, joint)) >= 4
+        return len(find_windows(log, joint, CYCLES)) >= CYCLES
     except (NotIdentifiable, InvalidInput):
         return False

@@ -8,6 +8,7 @@ import numpy as np
 
 from backdrive.identification.regression import long_run
 from backdrive.identification.signals import Signals
+from backdrive.logs.quantiles import quantile
 from backdrive.model import Band, Bands
 
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
@@ -27,10 +28,13 @@ def bands_of(parts: Sequence[Part]) -> Bands:
     error = np.concatenate([np.abs(s.torque - predicted) for s, _, predicted, _ in judged])
     state = np.concatenate([states(s) for s, *_ in judged])
     bands: dict[str, Band] = {}
+    known = np.isfinite(error)
+    if not known.all():
+        error, state = error[known], state[known]
     for i, name in enumerate(("moving", "reversing", "rest")):
-        errors = error[(state == i) & np.isfinite(error)]
+        errors = error[state == i]
         if errors.size >= LEAST:
-            bands[name] = Band(half_width=float(np.quantile(errors, SHARE)), samples=errors.size)
+            bands[name] = Band(half_width=quantile(errors, SHARE), samples=errors.size)
     return Bands(**bands)
 
 

@@ -54,12 +54,20 @@ def delay_signals(signals: Signals, delay: float) -> Signals:
     samples = delay * signals.rate
     sliding = earlier(signals.sliding.astype(float), float(round(samples))) > 0.5
     return replace(
+        delay_motion(signals, delay), jerk=earlier(signals.jerk, samples), sliding=sliding & signals.moving
+    )
+
+
+def delay_motion(signals: Signals, delay: float) -> Signals:
+    """Return signals with position, velocity, acceleration and load delayed by a time [s]; all else is as it was."""
+    if not delay:
+        return signals
+    samples = delay * signals.rate
+    return replace(
         signals,
         velocity=earlier(signals.velocity, samples),
         acceleration=earlier(signals.acceleration, samples),
-        jerk=earlier(signals.jerk, samples),
         position=None if signals.position is None else earlier(signals.position, samples),
-        sliding=sliding & signals.moving,
         load=None if signals.load is None else np.ascontiguousarray(earlier(signals.load.T, samples).T),
     )
 

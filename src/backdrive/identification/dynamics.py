@@ -9,11 +9,13 @@ terms is delayed by it.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from backdrive.engine import rollout
 from backdrive.errors import InvalidInput
-from backdrive.identification.delay import delay_signals
+from backdrive.identification.delay import delay_motion
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import GRAVITY, columns
 from backdrive.laws import Rigid
@@ -50,6 +52,9 @@ def _pull(friction: JointFriction, signals: Signals) -> np.ndarray | float:
         raise _cannot(friction, "gravity", "position", "q")
     if not terms:
         return 0.0
+    if len(terms) == 2 and signals.position is not None:  # one sine instead of a sine and a cosine
+        along, across = (friction.dynamics[term].value for term in GRAVITY)
+        return math.hypot(along, across) * np.sin(signals.position + math.atan2(across, along))
     return np.array([friction.dynamics[term].value for term in terms]) @ columns(signals, terms)
 
 
@@ -133,4 +138,4 @@ def increments(position: np.ndarray | None, velocity: np.ndarray, dt: float) -> 
 
 def _then(friction: JointFriction, signals: Signals) -> Signals:
     """Return the motion and the load that belong to the torque of each sample; the model torque is not shifted."""
-    return delay_signals(signals, friction.delay)
+    return delay_motion(signals, friction.delay)

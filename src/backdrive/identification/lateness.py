@@ -10,7 +10,8 @@ from __future__ import annotations
 import numpy as np
 
 from backdrive.identification.curves import basis
-from backdrive.identification.residual import Residual, orthonormal
+from backdrive.identification.projection import orthonormal
+from backdrive.identification.residual import Residual
 from backdrive.logs.filters import deflections
 
 SECTIONS = 6  # number of sections of the curve that is fitted for a delay
@@ -61,8 +62,9 @@ def delay_beside_distance(res: Residual, *others: np.ndarray) -> tuple[float, fl
 def _lowest(res: Residual, rows: np.ndarray, terms: np.ndarray) -> tuple[float, float] | None:
     """Return the shift that terms (m, p) explain best [s], and the residual relative to that without a shift [-]."""
     reach, columns = _reach(res), orthonormal(terms)
-    torque = res.torque[rows[:, None] + np.arange(-reach, reach + 1)]
-    powers = np.sum((torque - columns @ (columns.T @ torque)) ** 2, axis=0)
+    torque = np.lib.stride_tricks.sliding_window_view(res.torque, 2 * reach + 1)[rows - reach]
+    torque -= columns @ (columns.T @ torque)
+    powers = np.einsum("nk,nk->k", torque, torque)
     best = int(np.argmin(powers))
     if best in (0, 2 * reach):
         return None  # no minimum: the model lacks a slow effect, and any shift lowers the residual

@@ -10,6 +10,7 @@ from typing import Any
 from backdrive._arguments import as_table, guard_keywords
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
+from backdrive._memory import keep_free_memory
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.alignment import Start
@@ -169,6 +170,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass one, as `read_log` gives it.")
     options.check()
+    keep_free_memory()
     logs = [in_order(log, logs[0]) for log in logs]
     held_out = [in_order(log, logs[0]) for log in held_out]
     apart(logs, held_out)
@@ -339,6 +341,6 @@ def _describe_fit(
 ) -> list[JointEvidence]:
     """Return the evidence with the sentence on the fit updated."""
     return [
-        replace(e, verdict=e.verdict.replace(describe_fit(old), describe_fit(new)))
+        e if new is old else replace(e, verdict=e.verdict.replace(describe_fit(old), describe_fit(new)))
         for e, old, new in zip(evidence, before, after, strict=True)
     ]

@@ -11,7 +11,7 @@ from backdrive.identification import lateness
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
-from backdrive.identification.residual import MEAN, Explanation, Residual
+from backdrive.identification.residual import MEAN, Residual
 from backdrive.identification.terms import GRAVITY, columns
 from backdrive.logs import filters
 
@@ -119,27 +119,22 @@ def structure(case: Case) -> Remark | None:
         "every {wave:.2g} " + case.friction.joint.unit,
     )
     follows_load = f"Friction depends on the load, by {share}: use a law with load (--law m3)."
-    tests: list[tuple[Explanation | None, str]] = []
+    causes: list[tuple[tuple[np.ndarray, ...], str]] = []
     for time in _times(res):
         late = np.sign(time)
-        tests += [
+        causes += [
+            ((time, late), f"The torque drifts over the log, by {share}: warming, a bias, or a cable."),
             (
-                res.explain(time, late),
-                f"The torque drifts over the log, by {share}: warming, a bias, or a cable.",
-            ),
-            (
-                res.explain(way * time, way * late),
+                (way * time, way * late),
                 f"Friction changes over the log, by {share}: warming, or changed midway.",
             ),
-            (
-                res.explain(res.predicted * late),
-                f"The torque changed midway, by {share}: its gain, or its sign.",
-            ),
+            ((res.predicted * late,), f"The torque changed midway, by {share}: its gain, or its sign."),
         ]
+    causes += [((way * load,), follows_load), ((way * _static_load(case, res),), follows_load)]
+    explained = res.explain_each(*(columns for columns, _ in causes))
+    tests = [(one, sentence) for one, (_, sentence) in zip(explained, causes, strict=True)]
     of_torque, of_friction = res.over_position
     tests += [
-        (res.explain(way * load), follows_load),
-        (res.explain(way * _static_load(case, res)), follows_load),
         (of_torque, f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
         (of_friction, f"Friction follows the position {wave}, by {share}."),
     ]

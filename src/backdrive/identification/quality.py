@@ -42,8 +42,8 @@ def _qualities(
     for tau, hats, rate, mask in stretches:
         if not mask.any():
             continue
-        series = [tau, *(tau - hat for hat in hats)]
-        total += [[np.sum(x[mask] ** 2) for x in each] for each in (_slow(series, mask, rate), series)]
+        series, inside = [tau, *(tau - hat for hat in hats)], mask.astype(float)
+        total += [[(x * inside) @ x for x in each] for each in (_slow(series, mask, rate), series)]
         count += int(np.count_nonzero(mask))
     (below, *above), (raw_below, *raw_above) = total.tolist()
     return [

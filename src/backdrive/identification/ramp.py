@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,7 +26,7 @@ from backdrive.identification.signals import spans
 from backdrive.identification.sweep_windows import turning_points
 from backdrive.logs import filters
 from backdrive.logs.log import Log
-from backdrive.logs.resolution import encoder_step, white_noise
+from backdrive.logs.resolution import channel_noise, encoder_step, white_noise
 
 VAGUE = 0.5  # largest relative standard error of a stiffness [-]
 ROUNDING = 1e-6  # noise below which it counts as rounding error, relative to the range of the torque [-]
@@ -33,6 +34,8 @@ NOISE = 3.0  # contribution of noise to an extreme of the torque [standard devia
 FEWEST = 100  # least number of samples of a log of ramps
 RAMPED = 0.7  # least share of ramps in a log of ramps [-]
 BACK = 0.2  # largest travel back within one slide, relative to that ahead [-]
+WITHIN = 0.7  # range of a ramp of coarse means, relative to that of a ramp [-]
+CLEARLY = 3.0  # deviation of coarse means from lines at which a torque is no ramp, relative to the largest of a ramp [-]
 HELD = 0.1  # least share of a log of ramps in which the joint sticks [-]
 
 
@@ -140,6 +143,9 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     torque, position = single.driving_torque[:, 0], single.need("position")[:, 0]
     if len(single) < FEWEST or not np.isfinite([torque, position]).all() or not np.ptp(torque) > 0.0:
         return False
+    noise = channel_noise(single, "torque", 0) if single.external_torque is None else white_noise(torque)
+    if _bends(torque, noise, single.period):
+        return False
     smooth, rate, _ = low_pass_torque(single)
     turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
     if turns.size < 2 or np.diff(turns).sum() < RAMPED * len(single):
@@ -147,15 +153,9 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     edge = round(EDGE * rate)
     inner = [slice(a + edge, max(b - edge, a + 1)) for a, b in zip(turns, turns[1:], strict=False)]
     sizes = [part.stop - part.start for part in inner]
-    if min(sizes) < SHORTEST:
-        return False  # too short for a ramp
-    most = sum(sizes) * (STRAIGHT * float(np.ptp(smooth)) + white_noise(torque)) ** 2
-    off = 0.0
-    for part, size in zip(inner, sizes, strict=True):
-        time = np.arange(size)
-        off += float(np.sum((smooth[part] - np.polyval(np.polyfit(time, smooth[part], 1), time)) ** 2))
-        if off > most:
-            return False
+    most = sum(sizes) * (STRAIGHT * float(np.ptp(smooth)) + noise) ** 2
+    if min(sizes) < SHORTEST or sum(_off_line(smooth[part]) for part in inner) > most:
+        return False  # too short for a ramp, or not straight
     count = encoder_step(single) or 3.0 * white_noise(position)
     branches, slip_speed, _ = branches_of(single, count)
     if _to_and_fro(position, slip_speed, single.period):
@@ -163,6 +163,32 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     held = sum(b.torque.size for b in branches)
     slips = any(b.break_away is not None for b in branches)
     return held > HELD * len(single) and (slips or len(branches) > 2) and _elastic(branches, count)[2]
+
+
+def _bends(torque: np.ndarray, noise: float, period: float) -> bool:
+    """Return whether a torque is so far off straight ramps that its coarse means show it, at a fraction of a low pass's time.
+
+    Args:
+        torque: [N.m or N], (n,).
+        noise: of the torque from sample to sample [N.m or N].
+        period: sampling interval [s].
+    """
+    width = max(1, round(max(1.0 / (CUTOFF * period), 10.0)))
+    means = filters.means(torque, width)
+    if means.size < FEWEST:
+        return False
+    span, edge = float(np.ptp(means)), 1 + int(np.ceil(EDGE / (width * period)))
+    turns = turning_points(means, WITHIN * BRANCH * span).tolist()
+    parts = [means[a + edge : b - edge] for a, b in pairwise(turns) if b - a >= 2 * edge + SHORTEST]
+    size = sum(part.size for part in parts)
+    return sum(map(_off_line, parts)) > size * (CLEARLY * (STRAIGHT * span + noise)) ** 2
+
+
+def _off_line(x: np.ndarray) -> float:
+    """Return the sum of the squared deviations of a series (n,) from its line."""
+    time, left = np.arange(x.size) - 0.5 * (x.size - 1), x - x.mean()
+    left -= time @ left / (time @ time) * time
+    return float(left @ left)
 
 
 def _to_and_fro(position: np.ndarray, slip_speed: float, period: float) -> bool:

@@ -8,7 +8,8 @@ omits for good reason therefore does not count.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -16,8 +17,10 @@ from typing import Any
 import numpy as np
 from scipy.special import fdtrc
 
+from backdrive.identification.projection import CLEAR, inverse_of, orthonormal
 from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.logs import filters
+from backdrive.logs.quantiles import median, quantile
 from backdrive.logs.resolution import resolution
 
 MEAN = 0.01  # length of a mean [s]
@@ -27,6 +30,7 @@ WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
 FINEST = 60.0  # largest wave number over position [rad/rad or rad/m]
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
 MOST = 4_000_000  # largest product of means and wave numbers in the search for a wave
+AT_ONCE = 16  # wave numbers that are evaluated together; more would not fit the cache
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
 
@@ -137,37 +141,47 @@ class Residual:
         Args:
             columns: one value per mean, (n,) each.
         """
-        whole, k = np.stack(columns, axis=1), len(columns)
-        B = self._blocks.size
-        if B - k < FEWEST_BLOCKS:
-            return None
-        size, Z = np.linalg.norm(whole, axis=0), self._apart(whole)
-        if not np.all(np.linalg.norm(Z, axis=0) > APART * size):
-            return None  # the motion does not separate them from the other terms
-        left = self._error_apart
-        if k == 1:  # the common case, without the overhead of numpy
-            power = float(Z[:, 0] @ Z[:, 0])
-            if not power > 0.0:
-                return None
-            coefficients = Z.T @ left / power
+        return self.explain_each(columns)[0]
+
+    def explain_each(self, *groups: Sequence[np.ndarray]) -> list[Explanation | None]:
+        """Return the result of `explain` for each group of columns, faster than one call each."""
+        whole = np.array([column for group in groups for column in group])
+        apart, at = whole - (whole @ self._basis) @ self._basis.T, 0
+        size, beyond = (np.sqrt(np.einsum("kn,kn->k", x, x)) for x in (whole, apart))
+        separate, results = (beyond > APART * size).tolist(), list[Explanation | None]()
+        for group in groups:
+            rows = slice(
+                at, at := at + len(group)
+            )  # without separation, the motion does not tell them from the other terms
+            usable = self._blocks.size - len(group) >= FEWEST_BLOCKS and all(separate[rows])
+            results.append(self._test(whole[rows], apart[rows]) if usable else None)
+        return results
+
+    def _test(self, whole: np.ndarray, Z: np.ndarray) -> Explanation | None:
+        """Return the explanation by columns, one per row, (k, n); `Z` is their part beside the single-axis columns, (k, n)."""
+        k, B, left = len(whole), self._blocks.size, self._error_apart
+        inverse = inverse_of(Z @ Z.T)
+        if inverse is not None:
+            coefficients = inverse @ (Z @ left)
         else:
-            coefficients, _, rank, _ = np.linalg.lstsq(Z, left, rcond=1e-6)
+            coefficients, _, rank, _ = np.linalg.lstsq(Z.T, left, rcond=1e-6)
             if rank < k:
                 return None
-        fit = Z @ coefficients
-        scores = np.add.reduceat(Z * (left - fit)[:, None], self._blocks, axis=0)
-        middle = scores.T @ scores * B / (B - 1)
+        fit = coefficients @ Z
+        scores = np.add.reduceat(Z * (left - fit), self._blocks, axis=1)
+        middle = scores @ scores.T * (B / (B - 1))
         if not np.isfinite(middle).all():
             return None
-        middle = np.linalg.pinv(middle) if k > 1 or middle[0, 0] == 0.0 else 1.0 / middle
-        moment = Z.T @ fit
-        wald = float(moment @ middle @ moment)
+        inverse = inverse_of(middle)
+        moment = Z @ fit
+        wald = float(moment @ (np.linalg.pinv(middle) if inverse is None else inverse) @ moment)
         chance = float(fdtrc(k, B - k, wald * (B - k) / (k * (B - 1))))
+        total = coefficients @ whole
         return Explanation(
-            size=float(np.sqrt(np.mean((whole @ coefficients) ** 2))),
+            size=math.sqrt(total @ total / total.size),
             chance=chance,
             coefficients=tuple(coefficients.tolist()),
-            beyond=float(np.sqrt(np.mean(fit**2))),
+            beyond=math.sqrt(fit @ fit / fit.size),
         )
 
     @cached_property
@@ -194,15 +208,12 @@ class Residual:
         if not waves.size:
             return none
         best = waves[np.argmax(self._powers(waves, step, np.array(factors)), axis=1)].tolist()
-        return [
-            self._explain_wave(wave, factor, waves.size) for wave, factor in zip(best, factors, strict=True)
+        phases = [wave * self.position for wave in best]
+        pairs = [(f * np.sin(x), f * np.cos(x)) for f, x in zip(factors, phases, strict=True)]
+        return [  # each wave is the best of several tried ones
+            one and replace(one, wave=wave, chance=min(one.chance * waves.size, 1.0))
+            for wave, one in zip(best, self.explain_each(*pairs), strict=True)
         ]
-
-    def _explain_wave(self, wave: float, factor: np.ndarray, tried: int) -> Explanation | None:
-        """Return the explanation by a wave that is the best of several tried ones."""
-        phase = wave * self.position
-        result = self.explain(factor * np.sin(phase), factor * np.cos(phase))
-        return result and replace(result, wave=wave, chance=min(result.chance * tried, 1.0))
 
     def _powers(self, waves: np.ndarray, step: float, factors: np.ndarray) -> np.ndarray:
         """Return the reduction of the squared residual by waves, in addition to the single-axis columns, (F, W).
@@ -212,31 +223,70 @@ class Residual:
             step: distance of the wave numbers.
             factors: factors on each wave, (F, n).
         """
-        circling, turn = np.exp(1j * waves[0] * self.position), np.exp(1j * step * self.position)
-        own, weight = np.column_stack([self._error_apart, self._basis]), factors**2
-        both, double = (
-            np.empty((2 * waves.size, self.time.size)),
-            np.empty((len(factors), waves.size), complex),
-        )
-        for k in range(waves.size):
-            both[2 * k], both[2 * k + 1] = np.imag(circling), np.real(circling)  # sine and cosine
-            double[:, k] = weight @ (circling * circling)  # real part cos^2 - sin^2, imaginary part 2 sin cos
-            circling *= turn
-        sums = [both @ (factor[:, None] * own) for factor in factors]
-        pair = np.reshape(sums, (len(factors), waves.size, 2, -1))
+        W, n, F, weight = waves.size, self.time.size, len(factors), factors**2
+        own = np.column_stack([self._error_apart, self._basis])
+        both = np.reshape(factors[..., None] * own, (F, n, -1)).swapaxes(0, 1).reshape(n, -1)
+        sums, square, level = np.empty((2, W, both.shape[1])), np.empty((2, F, W)), np.all(weight == 1.0)
+        for rows, sine, cosine in waves_at(self.position, waves[0], step, W):
+            sums[0, rows], sums[1, rows] = sine @ both, cosine @ both
+            if level:
+                products = np.einsum("wn,wn->w", sine, sine), np.einsum("wn,wn->w", sine, cosine)
+            else:
+                products = weight @ (sine * sine).T, weight @ (sine * cosine).T
+            square[0, :, rows], square[1, :, rows] = products
+        pair = sums.reshape(2, W, F, -1).transpose(2, 1, 0, 3)
         moment, held = pair[..., 0], pair[..., 1:]
-        whole, even, odd = weight.sum(axis=1)[:, None], np.real(double), np.imag(double)
-        square = np.array([[whole - even, odd], [odd, whole + even]])
-        gram = 0.5 * square.transpose(2, 3, 0, 1) - held @ held.swapaxes(-1, -2)
-        inverse = np.linalg.pinv(gram, rcond=1e-6, hermitian=True)
-        return np.einsum("fwi,fwij,fwj->fw", moment, inverse, moment)
+        of_sine, mixed = square
+        gram = np.array([[of_sine, mixed], [mixed, weight.sum(axis=1)[:, None] - of_sine]]).transpose(
+            2, 3, 0, 1
+        )
+        gram = gram - held @ held.swapaxes(-1, -2)
+        (a, b), (_, d), (u, v) = gram[..., 0, :].T, gram[..., 1, :].T, moment.T
+        determinant = a * d - b * b
+        clear = determinant > CLEAR * (a + d) ** 2
+        powers = (d * u * u - 2.0 * b * u * v + a * v * v) / np.where(clear, determinant, 1.0)
+        if not clear.all():
+            inverse = np.linalg.pinv(gram, rcond=1e-6, hermitian=True)
+            powers = np.where(clear, powers, np.einsum("fwi,fwij,fwj->wf", moment, inverse, moment))
+        return powers.T
 
 
-def orthonormal(columns: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis of the space spanned by columns, (n, r)."""
-    scaled = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    u, s, _ = np.linalg.svd(scaled, full_matrices=False)
-    return u[:, s > 1e-6 * s[0]] if s.size else u
+def waves_at(
+    position: np.ndarray, first: float, step: float, count: int
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Yield slices of equally spaced wave numbers with sine and cosine of each wave, (w, n), valid until the next are taken.
+
+    Each wave is the one before turned by the same angle, since sine and cosine take long.
+
+    Args:
+        position: [rad or m], (n,).
+        first: wave number [rad/rad or rad/m].
+        step: distance of the wave numbers.
+        count: of the wave numbers.
+    """
+    size = min(count, AT_ONCE)
+    sine, cosine = np.empty((2, size, position.size))
+    sine[0], cosine[0] = np.sin(first * position), np.cos(first * position)
+    begun, turn = 1, (np.sin(step * position), np.cos(step * position))
+    while begun < size:  # twice as many each time
+        more = min(begun, size - begun)
+        into = slice(begun, begun + more)
+        sine[into] = sine[:more] * turn[1] + cosine[:more] * turn[0]
+        cosine[into] = cosine[:more] * turn[1] - sine[:more] * turn[0]
+        turn, begun = (2.0 * turn[0] * turn[1], turn[1] ** 2 - turn[0] ** 2), begun + more
+    if size < count:
+        turn = np.sin(size * step * position), np.cos(size * step * position)
+    one, other = np.empty_like(sine), np.empty_like(sine)
+    for at in range(0, count, size):
+        rows = slice(at, min(at + size, count))
+        if at:
+            np.multiply(cosine, turn[0], out=one)
+            np.multiply(sine, turn[0], out=other)
+            sine *= turn[1]
+            cosine *= turn[1]
+            sine += one
+            cosine -= other
+        yield rows, sine[: rows.stop - at], cosine[: rows.stop - at]
 
 
 def residual_of(parts: Sequence[Part]) -> Residual | None:
@@ -248,7 +298,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     parts = [part for part in parts if part[0].time.size]
     if not parts:
         return None
-    top = max(np.quantile(np.abs(s.velocity), 0.995) for s, *_ in parts)
+    top = max(quantile(np.abs(s.velocity), 0.995) for s, *_ in parts)
     columns: list[list[Any]] = []
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
@@ -263,8 +313,8 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         columns.append([*means, np.full(n, number), *masks])
         error = (s.torque - predicted)[slides]
         if error.size:
-            error = np.abs(error - np.median(error))
-            off = error > WILD * 1.4826 * np.median(error)
+            error = np.abs(error - median(error))
+            off = error > WILD * 1.4826 * median(error)
             beside = off[1:] & off[:-1]
             off[1:] &= ~beside
             off[:-1] &= ~beside

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from weakref import WeakKeyDictionary
 
@@ -10,6 +11,7 @@ import numpy as np
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.logs import filters
 from backdrive.logs.log import Log
+from backdrive.logs.quantiles import quantile
 
 GAP = 3.5  # sampling interval above which there is a gap, without interpolation across it [period]
 SHORTEST = 50  # least number of samples of a stretch between gaps
@@ -121,7 +123,7 @@ def _prepare(log: Log, joint: str | int, cutoff: float | None) -> list[Signals]:
             f"The median sampling interval is {period} s.", remedy="Repair the time channel (--repair)."
         )
     speed = log.velocity if log.velocity is not None else filters.derivative(log.need("position"), period)
-    top = np.quantile(np.abs(speed).ravel(), 0.995)
+    top = quantile(np.abs(speed).ravel(), 0.995)
     stretches = [
         _segment(log.rows(rows), period, cutoff, top) for rows in between_gaps(log.time, period, SHORTEST)
     ]
@@ -202,7 +204,11 @@ def _load(log: Log) -> np.ndarray | None:
 
 def spans(mask: np.ndarray) -> np.ndarray:
     """Return first index and end index (exclusive) of every stretch of True, (k, 2)."""
-    return np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8))).reshape(-1, 2)
+    if not mask.size:
+        return np.zeros((0, 2), dtype=np.intp)
+    change = np.flatnonzero(mask[1:] != mask[:-1]) + 1
+    first, last = [0] * bool(mask[0]), [mask.size] * bool(mask[-1])
+    return np.concatenate([first, change, last]).astype(np.intp).reshape(-1, 2)
 
 
 def mark_moving(velocity: np.ndarray, rate: float, top: float) -> np.ndarray:
@@ -231,22 +237,21 @@ def _sliding(
     """
     speed = np.abs(velocity)
     bounds, way, whole = _ways(velocity)
-    turns, length = bounds[1:-1], np.diff(bounds)
+    length = np.diff(bounds)
     usual = np.sum(whole * speed) / max(
         float(speed.sum()), 1e-300
     )  # mean distance of a move, weighted by distance
     begun = (way > BEGUN * whole) & (whole > SLIGHT * usual)
     steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
     lasting = max(float(np.clip(1.0 / cutoff, *REVERSAL)), BLURRED / cutoff)
-    reach = np.minimum(lasting * rate, OF_A_MOVE * length)
-    reach = np.repeat(reach, length)
-    index = np.arange(velocity.size)
-    since = index - np.repeat(bounds[:-1], length) if turns.size else index + velocity.size
-    until = np.repeat(bounds[1:], length) - 1 - index if turns.size else velocity.size + index
-    since[: bounds[1]] = velocity.size  # the ends of a log are not reversals
-    until[bounds[-2] :] = velocity.size
-    from_end = np.minimum(index, index[::-1])  # near an end, the low pass lacks data
-    return steady & (since >= reach) & (until >= reach) & (from_end >= CONTINUED / cutoff * rate)
+    reach = np.ceil(np.minimum(lasting * rate, OF_A_MOVE * length)).astype(int)
+    first, last = bounds[:-1] + reach, bounds[1:] - reach  # of the samples that are not near a reversal
+    first[0], last[-1] = 0, velocity.size  # the ends of a log are not reversals
+    for begin, end in zip(last[:-1].tolist(), first[1:].tolist(), strict=True):
+        steady[begin:end] = False
+    end = math.ceil(CONTINUED / cutoff * rate)  # near an end, the low pass lacks data
+    steady[:end] = steady[max(steady.size - end, 0) :] = False
+    return steady
 
 
 def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -254,8 +259,10 @@ def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     The distances belong to each sample, (n,) [rad or m times rate].
     """
-    bounds = np.r_[0, np.flatnonzero(np.diff(np.sign(velocity)) != 0) + 1, velocity.size]
-    length, way = np.diff(bounds), np.r_[0.0, np.cumsum(np.abs(velocity))]
+    sign, way = np.sign(velocity), np.zeros(velocity.size + 1)
+    bounds = np.concatenate([[0], np.flatnonzero(sign[1:] != sign[:-1]) + 1, [velocity.size]])
+    np.cumsum(np.abs(velocity), out=way[1:])
+    length = np.diff(bounds)
     return bounds, way[1:] - np.repeat(way[bounds[:-1]], length), np.repeat(np.diff(way[bounds]), length)
 
 

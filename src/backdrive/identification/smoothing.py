@@ -64,9 +64,8 @@ def smoothing(
 
 
 def _of_log(log: Log, share: float) -> Smoothing:
-    position = _longest(log)
     period = log.period
-    if position is None or not period > 0 or not (step := encoder_step(log)) > 0.0:
+    if not period > 0 or not (step := encoder_step(log)) > 0.0 or (position := _longest(log)) is None:
         return Smoothing()
     rate = 1.0 / period
     cutoffs = [default_cutoff(rate)]

@@ -12,7 +12,7 @@ from backdrive.errors import BackdriveError
 from backdrive.identification.quality import grade
 from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Log
-from backdrive.logs.resolution import white_noise
+from backdrive.logs.resolution import channel_noise
 from backdrive.model import Actuator, JointFriction, TorqueChannel, Verdict
 from backdrive.parameters import BIG
 from backdrive.plans.limits import JointLimits, read_limits
@@ -66,12 +66,13 @@ def _channel(
     friction: JointFriction, evidence: JointEvidence, singles: Sequence[Log]
 ) -> TorqueChannel | None:
     """Return delay and noise of the measured torque; None if no torque was measured."""
-    torques = [log.torque[:, 0] for log in singles if log.torque is not None]
-    if not torques:
+    measured = [log for log in singles if log.torque is not None]
+    if not measured:
         return None
     delay = friction.dynamics.get("delay", friction.dynamics.get("time_slip"))
-    size = np.array([x.size for x in torques])
-    noise = float(np.sqrt(size @ np.square([white_noise(x) for x in torques]) / max(size.sum(), 1)))
+    size = np.array([len(log) for log in measured])
+    noises = np.array([channel_noise(log, "torque", 0) for log in measured])
+    noise = float(np.sqrt(size @ noises**2 / max(size.sum(), 1)))
     return TorqueChannel(
         delay=None if delay is None else delay.value,
         delay_error=None if delay is None else _number(delay.standard_error),

@@ -73,21 +73,22 @@ def windows(log: Log, joint: str | int, plan: Any, stretches: Sequence[Signals])
     return Windows(time=time, peak=peak, from_plan=False, warnings=said)
 
 
-def find_windows(log: Log, joint: str | int) -> np.ndarray:
+def find_windows(log: Log, joint: str | int, least: int = 2) -> np.ndarray:
     """Detect the cycles of a sweep in a log.
 
     Args:
         log: with torque, and position or velocity.
         joint: name or column.
+        least: number of cycles that there must be.
 
     Returns:
         First and last instant of each cycle [s], in order of growing speed, (N, 2).
 
     Raises:
-        NotIdentifiable: the joint does not move in cycles of equal stroke and growing speed.
+        NotIdentifiable: the joint does not move in so many cycles of equal stroke and growing speed.
         InvalidInput: the log holds no torque.
     """
-    return _find(prepare(log, joint), joint)[0]
+    return _find(prepare(log, joint), joint, least)[0]
 
 
 def _follows(plan: Any, stretches: Sequence[Signals], start: float) -> bool:
@@ -97,21 +98,24 @@ def _follows(plan: Any, stretches: Sequence[Signals], start: float) -> bool:
     return bool(np.sqrt(np.mean(np.concatenate(off) ** 2)) < FOLLOWS * size)
 
 
-def _find(stretches: Sequence[Signals], joint: str | int) -> tuple[np.ndarray, np.ndarray]:
+def _find(stretches: Sequence[Signals], joint: str | int, least: int = 2) -> tuple[np.ndarray, np.ndarray]:
     best: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))
     for s in stretches:
         x = s.position if s.position is not None else np.cumsum(s.velocity) / s.rate
         x = filters.low_pass(x, min(SMOOTH, 0.05 * s.rate), s.rate)
-        speed = np.abs(filters.derivative(x, 1.0 / s.rate))
         travel = float(np.ptp(x))
         if travel <= 0:
             continue
-        turns = extremes(x)
+        turns, speed = extremes(x), None
         for share in TRIED:
-            found = _cycles(s.time, x, speed, turning_points(x, share * travel, turns))
+            turn = turning_points(x, share * travel, turns)
+            if not _equal_strokes(x[turn], 2 * max(least, len(best[1]) + 1)):
+                continue
+            speed = np.abs(filters.derivative(x, 1.0 / s.rate)) if speed is None else speed
+            found = _cycles(s.time, x, speed, turn)
             if len(found[1]) > len(best[1]):
                 best = found
-    if len(best[1]) < 2:
+    if len(best[1]) < least:
         raise NotIdentifiable(
             f"Joint '{joint}' does not move in cycles of equal stroke and growing speed.",
             remedy="Record it along `backdrive plan sweep`, link the plan, or use --method motion.",
@@ -121,7 +125,11 @@ def _find(stretches: Sequence[Signals], joint: str | int) -> tuple[np.ndarray, n
 
 def extremes(x: np.ndarray) -> np.ndarray:
     """Return the samples at which a signal changes its direction, with the first and the last moving sample, (k,)."""
-    step = np.sign(np.diff(x))
+    change = np.diff(x)
+    if change.size and np.all(change):
+        rises = change > 0
+        return np.concatenate([[0], np.flatnonzero(rises[1:] != rises[:-1]) + 1, [change.size]])
+    step = np.sign(change)
     moving = np.flatnonzero(step)
     if not moving.size:
         return np.zeros(0, dtype=int)
@@ -156,6 +164,15 @@ def turning_points(x: np.ndarray, least: float, candidates: np.ndarray | None = 
     if direction != 0:
         points.append(high if direction > 0 else low)
     return candidates[np.array(points, dtype=int)]
+
+
+def _equal_strokes(turn: np.ndarray, number: int) -> bool:
+    """Return whether so many strokes in a row between turning points (k,) may be equal; without them there are no cycles."""
+    stroke = np.abs(np.diff(turn))
+    if stroke.size < number:
+        return False
+    runs = np.lib.stride_tricks.sliding_window_view(stroke, number)
+    return bool(np.any(np.all(np.abs(runs - runs[:, :1]) < 1.01 * EQUAL * runs[:, :1], axis=1)))
 
 
 def _cycles(

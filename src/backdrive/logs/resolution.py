@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from backdrive.logs.log import Log
+from backdrive.logs.quantiles import median
 
 COARSE = 3.0  # least step, in units of the last decimal, that can be distinguished from rounding
 FEWEST_LEVELS = 6  # least number of level differences to detect a step
 MOST_ROUNDS = 8
-_steps: WeakKeyDictionary[Log, float] = (
-    WeakKeyDictionary()
-)  # of logs that are still in use, since many ask for them
+#: Steps and noise of channels of logs that are still in use, since many ask for them.
+_kept: WeakKeyDictionary[Log, dict[tuple[str, str, int], float]] = WeakKeyDictionary()
 
 
 def encoder_step(log: Log) -> float:
@@ -29,14 +30,31 @@ def encoder_step(log: Log) -> float:
     counts = log.joints[0].encoder_counts
     if counts:
         return 1.0 / counts
-    if log not in _steps:
-        _steps[log] = 0.0 if log.position is None else resolution(log.position[:, 0])
-    return _steps[log]
+    return 0.0 if log.position is None else channel_step(log, "position", 0)
 
 
-def white_noise(x: np.ndarray) -> float:
-    """Return the standard deviation of the sample-to-sample noise of a signal (m,)."""
-    return float(np.median(np.abs(np.diff(x, 2))) / (0.6745 * np.sqrt(6))) if x.size > 2 else 0.0
+def channel_step(log: Log, channel: str, joint: int) -> float:
+    """Return the result of `resolution` for a column of a channel that the log holds, which is computed once a log."""
+    return _once(log, channel, joint, resolution)
+
+
+def channel_noise(log: Log, channel: str, joint: int) -> float:
+    """Return the result of `white_noise` for a column of a channel that the log holds, which is computed once a log."""
+    return _once(log, channel, joint, white_noise)
+
+
+def _once(log: Log, channel: str, joint: int, of: Callable[[np.ndarray], float]) -> float:
+    kept, key = _kept.setdefault(log, {}), (of.__name__, channel, joint)
+    if key not in kept:
+        kept[key] = of(log.channels[channel][:, joint])
+    return kept[key]
+
+
+def white_noise(*pieces: np.ndarray) -> float:
+    """Return the standard deviation of the sample-to-sample noise of a signal in one or several pieces, (m,) each."""
+    bends = [np.abs(np.diff(x, 2)) for x in pieces if x.size > 2]
+    # white noise of variance s2 has second differences of variance 6 s2; steps hardly touch their median
+    return median(np.concatenate(bends) if len(bends) > 1 else bends[0]) / (0.6745 * 6**0.5) if bends else 0.0
 
 
 def resolution(values: np.ndarray) -> float:

@@ -10,7 +10,8 @@ import numpy as np
 
 from backdrive.logs.health._survey import Survey, survey
 from backdrive.logs.log import Log, check_period
-from backdrive.logs.resolution import resolution
+from backdrive.logs.quantiles import median, quantile
+from backdrive.logs.resolution import channel_noise, channel_step, resolution, white_noise
 
 #: An interval this many times longer than usual is a gap.
 GAP = 2.5
@@ -58,8 +59,9 @@ class Exam:
     def period(self) -> float:
         """Median interval [s]; NaN where there is none that is positive."""
         steps = self.steps[:: max(1, self.steps.size // _SAMPLES)]
-        steps = steps[steps > 0]
-        return check_period(float(np.median(steps))) if steps.size else float("nan")
+        if steps.size and not steps.min() > 0:
+            steps = steps[steps > 0]
+        return check_period(median(steps)) if steps.size else float("nan")
 
     @cached_property
     def gaps(self) -> np.ndarray:
@@ -67,7 +69,9 @@ class Exam:
         steps = self.steps
         if not self.period > 0:
             return np.empty(0, np.intp)
-        usual = np.quantile(steps[:: max(1, steps.size // _SAMPLES)], 0.9)
+        if not np.fmax.reduce(steps) > GAP * self.period:
+            return np.empty(0, np.intp)
+        usual = quantile(steps[:: max(1, steps.size // _SAMPLES)], 0.9)
         return np.flatnonzero(steps > GAP * max(self.period, usual)) + 1
 
     @cached_property
@@ -116,6 +120,8 @@ class Exam:
     def sample(self, channel: str, joint: int) -> np.ndarray:
         """Return a joint's channel on the rows of `blocks`, (m,)."""
         array = self.log.channels[channel]
+        if len(self.blocks) == 1:
+            return self.column(channel, joint)
         return np.concatenate([array[b, joint] for b in self.blocks])
 
     @once
@@ -127,7 +133,14 @@ class Exam:
     @once
     def quantum(self, channel: str, joint: int) -> float:
         """Return the smallest step of a quantised channel, 0 if it is not quantised."""
-        return resolution(self.sample(channel, joint))
+        whole = len(self.log) <= _SAMPLES
+        return channel_step(self.log, channel, joint) if whole else resolution(self.sample(channel, joint))
+
+    @once
+    def noise(self, channel: str, joint: int) -> float:
+        """Return the standard deviation of a channel's sample-to-sample noise, on the rows of `blocks`."""
+        whole = len(self.log) <= _SAMPLES
+        return channel_noise(self.log, channel, joint) if whole else white_noise(self.sample(channel, joint))
 
     def columns(self, *channels: str) -> Iterator[tuple[str, int, str]]:
         """Yield channel, column and name of the joint for every column of these channels that is there and finite."""

@@ -7,15 +7,19 @@ relations between them, and removes the noise of the torque.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from backdrive.logs.filters import deflections
 from backdrive.logs.health._exam import Exam, once
+from backdrive.logs.quantiles import quantile
+from backdrive.logs.resolution import white_noise
 
 #: Length of each running mean, and the fewest samples: before the terms are made, and after.
 _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
 _FOLDS = 12
+_EVEN = 1e-9  # range of the intervals below which they differ by rounding only [interval]
 _FORGOTTEN = 4.0  # settling time of a low pass after a reversal [time constant]
 #: Below this share of the top speed, presliding and frictional lag dominate the friction.
 SLOW = 0.1
@@ -63,25 +67,24 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     light, heavy = _widths(exam.period)
     every, shifts = heavy // 2, np.arange(-reach, reach + 1)
     each, plain, top = _columns(exam, j)
-    terms, torque, fast, bends = (list[np.ndarray]() for _ in range(4))
+    terms, torque, fast, raws = (list[np.ndarray]() for _ in range(4))
     for number, block in enumerate(exam.blocks):
         v = own[number][1]
         if not v.size:
             continue
         slow = np.concatenate([[0], np.cumsum(np.abs(v) < SLOW * top)])
         others = [pulls[number] for k, _ in exam if k != j and (pulls := _pull(exam, k, reach)) is not None]
-        raw = exam.log.channels["torque"][block, j]
-        smooth = running(running(raw, light), heavy)
-        bends.append(np.abs(np.diff(raw, 2)))
+        raws.append(exam.log.channels["torque"][block, j])
+        smooth = running(running(raws[-1], light), heavy)
         at = np.arange(reach, len(smooth) - reach, every)
         terms.append(np.column_stack([sparse(each[number], heavy, reach).T, *others]))
-        torque.append(smooth[at[:, None] + shifts])
+        if at.size:
+            torque.append(np.lib.stride_tricks.sliding_window_view(smooth, shifts.size)[at - reach])
         fast.append(slow[at] == slow[at + 3 * heavy - 2])  # none of the samples that the means reach
     m = sum(part.shape[0] for part in terms)
     if m < 4 * _FOLDS:
         return None
-    # white noise of variance s2 has second differences of variance 6 s2; friction's steps hardly touch their median
-    white = (np.median(np.concatenate(bends)) / 0.6745) ** 2 / 6
+    white = exam.noise("torque", j) if len(exam.blocks) == 1 else white_noise(*raws)
     columns = np.concatenate(terms)
     return Motion(
         terms=columns,
@@ -90,7 +93,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         torque=np.concatenate(torque),
         shifts=shifts,
         fast=np.concatenate(fast),
-        noise=white * _gain(*_widths(exam.period)),
+        noise=white**2 * _gain(*_widths(exam.period)),
         fold=(np.arange(m) * _FOLDS) // m,
     )
 
@@ -107,7 +110,7 @@ def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
     """Return a joint's own terms of `Motion` by block before the heavy means, (p, n) each, how many are plain, its top speed."""
     own = _path(exam, j) or []
     all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
-    top = max(np.quantile(np.abs(all_v), 0.99), 1e-12)
+    top = max(quantile(np.abs(all_v), 0.99), 1e-12)
     middle, span = 0.5 * float(all_q.min() + all_q.max()), float(np.ptp(all_q))
     wide = exam.log.joints[j].unit == "rad" and span > 0.5
     parts: list[np.ndarray] = []
@@ -186,11 +189,12 @@ def _path(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]
         if block.stop - block.start < 3 * (light + heavy) + 12:
             out.append((none, none, none))
             continue
-        t = exam.log.time[block] - exam.log.time[block.start]
+        t, steps = exam.log.time[block] - exam.log.time[block.start], exam.steps[block.start : block.stop - 1]
         x = exam.log.channels[source][block, j]
         if source == "velocity":
             x = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
-        q, s = running(x, light), running(t, light)
+        q, even = running(x, light), np.ptp(steps) < _EVEN * exam.period
+        s = float(t[-1]) / (t.size - 1) if even else running(t, light)
         v = np.gradient(q, s)
         out.append((q, v, np.gradient(v, s)))
     return out if any(q.size for q, _, _ in out) else None
@@ -201,11 +205,22 @@ def running(x: np.ndarray, width: int) -> np.ndarray:
     offset = x[0]  # so that rounding errors at standstill are not mistaken for motion
     x = x - offset
     for _ in range(3):
-        total = np.zeros((len(x) + 1, *x.shape[1:]))
-        np.cumsum(x, axis=0, out=total[1:])
-        x = total[width:] - total[:-width]
-        x /= width
-    return x + offset
+        x = _window_sums(x, width)
+    x /= float(width) ** 3
+    x += offset
+    return x
+
+
+def _window_sums(x: np.ndarray, width: int) -> np.ndarray:
+    """Return the sums of an odd number of neighbouring samples, (n - width + 1, ...), from sums of 1, 2, 4, ... of them."""
+    count, size = len(x) - width + 1, 2
+    total, at = x[:count], 1
+    while size <= width:
+        x = x[: len(x) - size // 2] + x[size // 2 :]
+        if width & size:
+            total, at = total + x[at : at + count], at + size
+        size *= 2
+    return total
 
 
 def sparse(x: np.ndarray, width: int, reach: int) -> np.ndarray:
@@ -222,16 +237,21 @@ def sparse(x: np.ndarray, width: int, reach: int) -> np.ndarray:
     np.subtract(reached, offset, out=held[:, : reached.shape[1]])
     share = np.zeros(parts * step)
     share[: weights.size] = weights
-    sums = held.reshape(x.shape[0], -1, step) @ share.reshape(parts, step).T
-    return sum(sums[:, k : k + m, k] for k in range(parts)) + offset
+    sums = (share.reshape(parts, step) @ held.reshape(-1, step).T).reshape(parts, len(x), -1)
+    total = sums[0, :, :m] + offset
+    for k in range(1, parts):
+        total += sums[k, :, k : k + m]
+    return total
 
 
+@lru_cache(maxsize=16)
 def _weights(width: int) -> np.ndarray:
     """Return the weights of three running means of a width, (3 width - 2,)."""
     one = np.ones(width) / width
     return np.convolve(np.convolve(one, one), one)
 
 
+@lru_cache(maxsize=16)
 def _gain(*widths: int) -> float:
     """Return the variance of unit white noise after the running means."""
     kernel = np.ones(1)

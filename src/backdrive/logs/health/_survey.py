@@ -53,6 +53,10 @@ def survey(array: np.ndarray) -> Survey:
         change = np.diff(piece, axis=0)
         if not change.size:
             continue
+        if not change.any():  # a level channel
+            equal += min(len(change), _PIECE)
+            long_run |= len(change) >= RUN - 1
+            continue
         same = change == 0
         equal += same[:_PIECE].sum(axis=0)
         if same.any():

@@ -19,8 +19,9 @@ def variation(exam: Exam) -> tuple[float, np.ndarray]:
 
     Gaps and steps that do not go forward are left out; NaN with fewer than ten intervals.
     """
-    steps = np.delete(exam.steps, exam.gaps - 1)
-    steps = steps[steps > 0]
+    steps = np.delete(exam.steps, exam.gaps - 1) if exam.gaps.size else exam.steps
+    if steps.size and not steps.min() > 0:
+        steps = steps[steps > 0]
     return (float(steps.std() / steps.mean()) if steps.size >= FEWEST else float("nan")), steps
 
 

@@ -23,6 +23,7 @@ from backdrive.logs.health._finding import (
     without_rows,
 )
 from backdrive.logs.health._survey import excess
+from backdrive.logs.quantiles import median
 
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque", "load")
 #: Times the largest usual excess; times the differences around it, or times what a smooth signal leaves around it; steps of the
@@ -96,9 +97,12 @@ def _outliers(exam: Exam, channel: str, j: int) -> np.ndarray:
         return none
     survey = exam.survey(channel)
     ends = _ends(exam, channel, j)
-    usual, count = _usual_excess(exam, channel, j)
-    bound = max(_USUAL * usual, _STEPS * exam.quantum(channel, j))
-    if survey.spike[j] <= bound:
+    spike, least = survey.spike[j], _STEPS * exam.quantum(channel, j)
+    if spike <= least:
+        return ends
+    usual, count = _usual_excess(exam, channel, j, spike / _USUAL)
+    bound = max(_USUAL * usual, least)
+    if spike <= bound:
         return ends
     x = exam.column(channel, j)
     rows = np.flatnonzero(excess(np.diff(x)) > bound) + 1
@@ -140,13 +144,15 @@ def _ticks(exam: Exam, j: int, v: np.ndarray, rows: np.ndarray) -> np.ndarray:
     return small & (moved > 0) & (moved < 1.5 * count)
 
 
-def _usual_excess(exam: Exam, channel: str, j: int) -> tuple[float, int]:
-    """Return the excess that only a few samples exceed, and how many."""
+def _usual_excess(exam: Exam, channel: str, j: int, enough: float) -> tuple[float, int]:
+    """Return the excess that only a few samples exceed, or infinity if it is larger than `enough`, and how many they are."""
     array = exam.log.channels[channel]
     every = np.concatenate([excess(np.diff(array[b, j])) for b in exam.blocks])
     count = int(10 + 0.001 * every.size)
-    some = every[every > 0.0]  # a partition takes long where most numbers are zero
     rank = min(count + 1, every.size)
+    if np.count_nonzero(every > enough) >= rank:
+        return np.inf, count
+    some = every[every > 0.0]  # a partition takes long where most numbers are zero
     return (float(np.partition(some, -rank)[-rank]) if some.size >= rank else 0.0), count
 
 
@@ -158,14 +164,15 @@ def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
     x = exam.log.channels[channel][:, j]
     survey = exam.survey(channel)
     found: list[int] = []
-    resting = _resting_ends(exam, j) if channel not in ("position", "second_encoder") else (False, False)
-    for row, rest, at_rest in ((0, x[1:], resting[0]), (x.size - 1, x[:-1], resting[1])):
+    may_rest = channel not in ("position", "second_encoder")
+    for end, row, rest in ((0, 0, x[1:]), (1, x.size - 1, x[:-1])):
         if x[row] not in (survey.low[j], survey.high[j]):
             continue
         low, high = float(rest.min()), float(rest.max())
         away = max(low - x[row], x[row] - high)
-        starts = at_rest and away <= max(-low, high)
-        if not starts and away > max(high - low, 4 * exam.quantum(channel, j)):
+        if not away > max(high - low, 4 * exam.quantum(channel, j)):
+            continue
+        if not (may_rest and away <= max(-low, high) and _resting_ends(exam, j)[end]):
             found.append(row)
     return np.array(found, np.intp)
 
@@ -183,5 +190,5 @@ def _resting_ends(exam: Exam, j: int) -> tuple[bool, bool]:
         moved = np.abs(exam.column("velocity", j))
     else:
         return False, False
-    usual = _AT_REST * float(np.median(moved))
+    usual = _AT_REST * median(moved)
     return bool(moved[0] < usual), bool(moved[-1] < usual)

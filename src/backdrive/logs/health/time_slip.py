@@ -19,7 +19,6 @@ from backdrive.logs.health._finding import (
 )
 from backdrive.logs.health._motion import bent, jackknife, lagging, motion, normal_equations, solvable
 from backdrive.logs.health.jitter import LIMIT
-from backdrive.logs.resolution import white_noise
 
 #: Largest slip that is sought [sample].
 REACH = 20
@@ -156,10 +155,10 @@ def estimate(exam: Exam, j: int) -> Slip | None:
     m = motion(exam, j, REACH)
     if m is None or m.fast.sum() < _FEWEST or not _reverses(m.velocity[m.fast]):
         return None
-    if np.std(exam.steps[exam.steps < 2 * exam.period]) > LIMIT * exam.period:
+    steps = exam.steps if exam.steps.max() < 2 * exam.period else exam.steps[exam.steps < 2 * exam.period]
+    if np.std(steps) > LIMIT * exam.period:
         return None  # timing cannot be estimated with an uneven clock
-    torque = exam.sample("torque", j)
-    if not white_noise(torque) < _NOISY * np.std(torque):
+    if not exam.noise("torque", j) < _NOISY * np.std(exam.sample("torque", j)):
         return None  # the kicks of a controller on a coarse encoder hide any timing
     y = m.torque[m.fast]
     gram, cross, power = normal_equations(m.terms[m.fast], y, m.fold[m.fast])
@@ -168,9 +167,7 @@ def estimate(exam: Exam, j: int) -> Slip | None:
     g, c, p = solvable(gram.sum(axis=0)), cross.sum(axis=0), power.sum(axis=0)
     misfit = _misfit(g, c, p)
     best = _minimum(m.shifts, misfit)
-    left = np.array(
-        [_minimum(m.shifts, _misfit(g - gram[f], c - cross[f], p - power[f])) for f in range(gram.shape[0])]
-    )
+    left = np.array([_minimum(m.shifts, x) for x in _misfit(g - gram, c - cross, p - power)])
     # the part that noise alone leaves is not evidence
     now, then = misfit[REACH] / y.shape[0], misfit.min() / y.shape[0]
     noise = min(0.5 * m.noise, 0.9 * then)
@@ -187,7 +184,8 @@ def _reverses(velocity: np.ndarray) -> bool:
 
 
 def _misfit(gram: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.ndarray:
-    return np.maximum(power - np.sum(cross * np.linalg.solve(gram, cross), axis=0), 0.0)
+    """Return the squared misfit (..., k) by normal equations: x'x (..., p, p), x'y (..., p, k) and y'y (..., k)."""
+    return np.maximum(power - np.sum(cross * np.linalg.solve(gram, cross), axis=-2), 0.0)
 
 
 def _misfits(terms: np.ndarray, torque: np.ndarray) -> np.ndarray:

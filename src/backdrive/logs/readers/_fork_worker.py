@@ -22,6 +22,7 @@ from backdrive import errors
 from backdrive.logs.readers import _worker
 
 _DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux
+_C_LIBRARY = ctypes.CDLL(None)
 _POLL = 0.005  # between looks at a child where the system has no descriptor of a process [s]
 
 
@@ -39,6 +40,7 @@ def main() -> None:
             try:
                 _worker.prepare(request)
                 _check_threads()
+                task = _worker.task_of(request)
             except errors.BackdriveError as error:
                 _worker.send(answers, [_worker.failure(error)])
                 os.write(status, _bytes(0))
@@ -52,7 +54,7 @@ def main() -> None:
             if child == 0:
                 requests.close()
                 os.close(status)
-                _parse(request, answers, server)
+                _parse(task, answers, server)
         os.write(status, _bytes(_wait(child, requests)))
 
 
@@ -71,14 +73,14 @@ def _check_threads() -> None:
             )
 
 
-def _parse(request: dict[str, Any], answers: Any, server: int) -> NoReturn:
+def _parse(task: _worker.Task, answers: Any, server: int) -> NoReturn:
     """Parse one file in the child, which ends with that."""
     code = 1
     try:
         if sys.platform == "linux":
-            ctypes.CDLL(None).prctl(_DEATH_SIGNAL, signal.SIGKILL)
+            _C_LIBRARY.prctl(_DEATH_SIGNAL, signal.SIGKILL)
         if os.getppid() == server:
-            _worker.answer(request, answers)
+            _worker.answer(task, answers)
             code = 0
     finally:
         os._exit(code)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Container, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from backdrive.logs.readers import units
@@ -116,6 +117,15 @@ def guess(widths: Mapping[str, int], stated: Mapping[str, str], settled: Contain
         stated: units that the file states, by column name.
         settled: channels that need no guess.
     """
+    return _guess(tuple(widths.items()), tuple(stated.items()), frozenset(c for c in ALIASES if c in settled))
+
+
+@lru_cache(maxsize=16)
+def _guess(
+    each: tuple[tuple[str, int], ...], units_of: tuple[tuple[str, str], ...], settled: frozenset[str]
+) -> Guess:
+    """Return the result of `guess`, which is kept for the next log, since the logs of a robot have the same columns."""
+    widths, stated = dict(each), dict(units_of)
     scopes, notes = _places(widths, stated, settled, _split_path)
     moving = _with_motion(scopes)
     if not moving:  # elbow_joint_pos, where nothing has a usual name

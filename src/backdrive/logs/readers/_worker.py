@@ -12,6 +12,8 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any
 
 from backdrive import errors
@@ -24,6 +26,7 @@ _FORBIDDEN = ("pickle.find_class", "os.system", "os.exec", "os.posix_spawn", "os
 
 #: Not empty while a file is being parsed: imports of libraries may do what the parsing of a file may not.
 _parsing: list[str] = []
+_READY = header({"ready": True})
 
 
 def parse(path: str, module: str, options: ReadOptions) -> Columns:
@@ -77,7 +80,7 @@ def main() -> None:
         if not locked:
             lock()
             locked = True
-        answer(request, answers)
+        answer(task_of(request), answers)
 
 
 def stream_of(pipe: int) -> io.FileIO:
@@ -104,11 +107,29 @@ def prepare(request: dict[str, Any]) -> None:
     getattr(reader, "prepare", lambda: None)()
 
 
-def answer(request: dict[str, Any], answers: Any) -> None:
-    """Parse a file within its limits of memory and time, and send its columns or the error."""
-    import signal
+@dataclass(frozen=True)
+class Task:
+    """A request as `answer` takes it.
 
-    send(answers, [header({"ready": True})])
+    Attributes:
+        path: of the file.
+        module: reader of `backdrive.logs.readers`.
+        options: of the reader.
+        memory: bound of the address space, soft and hard [B]; None where the system has none.
+        seconds: time limit [s].
+    """
+
+    path: str
+    module: str
+    options: ReadOptions
+    memory: tuple[int, int] | None
+    seconds: float
+
+
+def task_of(request: dict[str, Any]) -> Task:
+    """Return a request's task, with all that can be settled ahead of the file: after a fork, each page of memory that is
+    touched costs its copy.
+    """
     limits = Limits(**request["limits"])
     options = ReadOptions(
         topic=request["topic"],
@@ -116,11 +137,22 @@ def answer(request: dict[str, Any], answers: Any) -> None:
         parts=tuple(request["parts"]),
         limits=limits,
     )
-    _bound_memory(limits.memory_for(request["size"]))
-    signal.setitimer(signal.ITIMER_REAL, limits.seconds_for(request["size"]) + 1.0)
-    _parsing.append(request["path"])
+    memory = _memory_bound(limits.memory_for(request["size"]))
+    return Task(
+        request["path"], request["module"], options, memory, limits.seconds_for(request["size"]) + 1.0
+    )
+
+
+def answer(task: Task, answers: Any) -> None:
+    """Parse a file within its limits of memory and time, and send its columns or the error."""
+    import signal
+
+    send(answers, [_READY])
+    _bound_memory(task.memory)
+    signal.setitimer(signal.ITIMER_REAL, task.seconds)
+    _parsing.append(task.path)
     try:
-        parts: Any = frames(parse(request["path"], request["module"], options))
+        parts: Any = frames(parse(task.path, task.module, task.options))
     except errors.BackdriveError as error:
         parts = [failure(error)]
     _parsing.clear()
@@ -158,13 +190,22 @@ def lock() -> None:
     sys.addaudithook(refuse)
 
 
-def _bound_memory(more: int) -> None:
-    """Bound the address space to what is in use now and `more` bytes; macOS has no such limit."""
+def _bound_memory(bound: tuple[int, int] | None) -> None:
+    """Bound the address space as `_memory_bound` says."""
+    if bound is not None:
+        import resource
+
+        with suppress(OSError, ValueError):
+            resource.setrlimit(resource.RLIMIT_AS, bound)
+
+
+def _memory_bound(more: int) -> tuple[int, int] | None:
+    """Return the bound of the address space, what is in use now and `more` bytes, and the hard one [B]; macOS has no such limit."""
     try:
         import resource
 
         with open("/proc/self/statm") as statm:
             used = int(statm.read().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + more, resource.getrlimit(resource.RLIMIT_AS)[1]))
-    except (OSError, ValueError):
-        pass
+        return used + more, resource.getrlimit(resource.RLIMIT_AS)[1]
+    except (ImportError, OSError, ValueError):
+        return None

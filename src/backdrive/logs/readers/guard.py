@@ -19,7 +19,6 @@ import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -128,7 +127,7 @@ class Guard:
             MissingExtra: an optional dependency is not installed.
         """
         limits = options.limits
-        request = {"path": str(path), "module": module, "size": size, **asdict(options)}
+        request = {"path": str(path), "module": module, "size": size, **vars(options), "limits": vars(limits)}
         line = json.dumps(request).encode() + b"\n"
         with self._lock:
             try:

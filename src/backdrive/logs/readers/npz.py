@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import io
+import re
 import zipfile
 from typing import Any
 
@@ -11,6 +13,10 @@ import numpy as np
 from backdrive.errors import FileTooLarge, ForbiddenContent, IncompleteFile, ReadError
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
+MOST = 10_000  # of a header [B]
+PLAIN = re.compile(  # a header as numpy writes it for plain numbers
+    rb"\{'descr': '([<|][biuf][1248])', 'fortran_order': (True|False), 'shape': \((\d{1,18}(?:, \d{1,18})*)?,?\), \} *\n"
+)
 PIECE = 1 << 16  # read at a time: larger buffers would each be mapped anew, page by page [B]
 
 
@@ -64,12 +70,11 @@ def read(path: str, options: ReadOptions) -> Columns:
 def _array(stream: Any, name: str, declared: int) -> np.ndarray:
     """Read one array, its size settled by its header before its bytes are fetched."""
     version = np.lib.format.read_magic(stream)
-    header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-    if version not in header:
+    if version not in ((1, 0), (2, 0)):
         raise ReadError(
             f"Array '{name}' has header version {version}.", remedy="Save it with a current numpy."
         )
-    shape, fortran, dtype = header[version](stream, max_header_size=10_000)
+    shape, fortran, dtype = _header(stream, version)
     if dtype.hasobject:
         raise ForbiddenContent(
             f"Array '{name}' holds pickled Python objects, which can run code.", remedy="Save plain numbers."
@@ -97,3 +102,15 @@ def _array(stream: Any, name: str, declared: int) -> np.ndarray:
                 )
             at += got
     return value.reshape(shape, order="F" if fortran else "C")
+
+
+def _header(stream: Any, version: tuple[int, int]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Return shape, order and element type of an array; only an unusual header is parsed as Python, which takes longer."""
+    size = stream.read(2 if version == (1, 0) else 4)
+    text = stream.read(int.from_bytes(size, "little"))
+    usual = PLAIN.fullmatch(text) if len(text) <= MOST else None
+    if usual is not None:
+        shape = tuple(int(length) for length in usual[3].split(b", ")) if usual[3] else ()
+        return shape, usual[2] == b"True", np.dtype(usual[1].decode())
+    read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    return read(io.BytesIO(size + text), max_header_size=MOST)

@@ -1,0 +1,75 @@
+"""Faster ways give what the usual ones of NumPy do: quantiles, bases, waves, sums of windows, and headers of arrays."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pytest
+
+from backdrive.identification.projection import inverse_of, orthonormal
+from backdrive.identification.residual import waves_at
+from backdrive.logs.health._motion import running
+from backdrive.logs.quantiles import median, quantile
+from backdrive.logs.readers import npz
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 999, 1000])
+def test_quantiles_are_those_of_numpy(n):
+    x = np.random.default_rng(n).standard_normal(n)
+    assert median(x) == pytest.approx(np.median(x), rel=1e-14)
+    for share in (0.0, 0.005, 0.37, 0.9, 0.995, 1.0):
+        assert quantile(x, share) == pytest.approx(np.quantile(x, share), rel=1e-14, abs=1e-15)
+    x[n // 2] = np.nan
+    assert np.isnan(median(x)) and np.isnan(quantile(x, 0.9)) and np.isnan(quantile(x[:0], 0.5))
+
+
+@pytest.mark.parametrize("apart", [1.0, 1e-4, 1e-9, 0.0])
+def test_a_basis_spans_the_columns_and_leaves_out_what_depends_on_others(apart):
+    draws = np.random.default_rng(5).standard_normal((300, 4))
+    columns = np.column_stack([draws[:, :3], 20.0 * (draws[:, 0] + apart * draws[:, 3])])
+    basis, wanted = orthonormal(columns), 4 if apart > 1e-6 else 3
+    assert basis.shape == (300, wanted)
+    assert basis.T @ basis == pytest.approx(np.eye(wanted), abs=1e-12)
+    assert basis @ (basis.T @ columns) == pytest.approx(columns, abs=1e-7)
+
+
+def test_small_matrices_are_inverted_unless_they_are_nearly_singular():
+    for matrix in (np.array([[4.0]]), np.array([[2.0, 0.3], [0.3, 0.5]])):
+        assert inverse_of(matrix) == pytest.approx(np.linalg.inv(matrix))
+    for matrix in (np.zeros((1, 1)), np.ones((2, 2)), np.eye(3)):
+        assert inverse_of(matrix) is None
+
+
+@pytest.mark.parametrize("count", [1, 3, 16, 17, 50])
+def test_waves_are_sines_and_cosines_of_each_wave_number(count):
+    position, waves = np.linspace(-1.0, 2.0, 40), 2.1 + 0.7 * np.arange(count)
+    numbers: list[int] = []
+    for rows, sine, cosine in waves_at(position, 2.1, 0.7, count):
+        phase = waves[rows, None] * position
+        assert sine == pytest.approx(np.sin(phase), abs=1e-12)
+        assert cosine == pytest.approx(np.cos(phase), abs=1e-12)
+        numbers += range(count)[rows]
+    assert numbers == list(range(count))
+
+
+@pytest.mark.parametrize("width", [3, 5, 11, 31, 101])
+def test_running_means_are_three_convolutions(width):
+    x, box = np.random.default_rng(width).standard_normal(400), np.ones(width) / width
+    wanted = x
+    for _ in range(3):
+        wanted = np.convolve(wanted, box, "valid")
+    assert running(x, width) == pytest.approx(wanted, abs=1e-13)
+
+
+@pytest.mark.parametrize("value", [np.arange(3.0), np.zeros((2, 5), np.float32), np.array(4), np.asfortranarray(np.ones((2, 3))),
+                                   np.ones(3, ">f8"), np.ones(2, bool), np.zeros(2, [("a", "f8")])])  # fmt: skip
+def test_a_header_is_read_as_numpy_reads_it(value):
+    file = io.BytesIO()
+    np.save(file, value)
+    file.seek(0)
+    version = np.lib.format.read_magic(file)
+    at = file.tell()
+    wanted = np.lib.format.read_array_header_1_0(file)
+    file.seek(at)
+    assert npz._header(file, version) == wanted
