@@ -97,7 +97,9 @@ def main() -> None:
         for first in (0, 31 * ROBOTS):  # a log in each of two months is a batch for each of two workers
             write_logs(place / "one", 1, samples, first=first)
         fleet(place / "one", "-o", place / "first", "--workers", 1)  # fills the cache of compiled kernels
-        idle = fleet(place / "one", "-o", place / "second", "--workers", 2).processor
+        idle = min(
+            fleet(place / "one", "-o", place / name, "--workers", 2).processor for name in ("second", "third")
+        )
         print(f"starting and ending costs {idle:.1f} s of processor")
         batch_times(place)
         costs = []
@@ -128,8 +130,10 @@ def main() -> None:
         judge.at_most("growth of the largest worker in the last 40 % of the run [1]", growth, 1.1)
         judge.at_most("parent [MB]", use.parent / 1e6, 300.0)
         power = math.log(costs[-1] / costs[0]) / math.log(sizes[-1] / sizes[0])
-        judge.at_most(f"cost grows from {sizes[0]} to {sizes[-1]} logs with the power", power, 1.05)
-        if not given.short:
+        if given.short:  # starting costs more than so few logs
+            print(f"cost grows from {sizes[0]} to {sizes[-1]} logs with the power {power:.2f}")
+        else:
+            judge.at_most(f"cost grows from {sizes[0]} to {sizes[-1]} logs with the power", power, 1.05)
             judge.at_most("processor time a log, all told [ms]", each, 35.0)
             judge.that(
                 f"two workers are {speedup[0] / speedup[1]:.2f} times one (at least 1.75), load {os.getloadavg()[0]:.1f}",
