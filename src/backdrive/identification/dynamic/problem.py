@@ -65,11 +65,6 @@ class Problem(ABC):
         """
 
     @property
-    def edges(self) -> list[int]:
-        """Index in the residuals at which each record ends."""
-        return np.cumsum([int(counts.sum()) for _, counts in self.series()]).tolist()
-
-    @property
     def instants(self) -> np.ndarray:
         """Index of the sample of each residual, with records at least `noise.LONGEST` samples apart, (m,)."""
         counted = [counts for _, counts in self.series()]
@@ -79,7 +74,7 @@ class Problem(ABC):
     @property
     def size(self) -> int:
         """Number of residuals."""
-        return self.edges[-1]
+        return sum(int(counts.sum()) for _, counts in self.series())
 
     def values(self, point: np.ndarray) -> dict[str, float]:
         """Return the parameters of a search point, by name."""
