@@ -98,7 +98,7 @@ LAWS = (
     "sigmoid",
     "degressive",
     "makkar",
-    "polyline",
+    "coulomb",
 )
 
 

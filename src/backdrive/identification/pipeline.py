@@ -26,7 +26,7 @@ from backdrive.identification.log_set import (
     slow_clock,
 )
 from backdrive.identification.options import Interval, Options
-from backdrive.identification.plausibility import with_verdict
+from backdrive.identification.plausibility import with_verdicts
 from backdrive.identification.prior import as_priors, with_priors
 from backdrive.identification.repairs import healthy
 from backdrive.identification.result import Identification, JointEvidence
@@ -332,7 +332,7 @@ def _with_verdicts(
     model: FrictionModel, evidence: Sequence[JointEvidence], logs: Sequence[Log], delay: float | None
 ) -> tuple[FrictionModel, list[JointEvidence]]:
     """Return model and evidence with the remarks of the plausibility rules."""
-    joints = tuple(with_verdict(j, e, logs, delay) for j, e in zip(model.joints, evidence, strict=True))
+    joints = with_verdicts(model.joints, evidence, logs, delay)
     return replace(model, joints=joints), _describe_fit(evidence, model.joints, joints)
 
 

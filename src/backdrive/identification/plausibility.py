@@ -12,6 +12,7 @@ from dataclasses import replace
 from backdrive.identification import plausibility_logs as beside
 from backdrive.identification import plausibility_numbers as numbers
 from backdrive.identification import plausibility_residual as residual
+from backdrive.identification.other_motion import OtherMotion
 from backdrive.identification.remark import Case, Remark, Severity
 from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Log
@@ -47,7 +48,11 @@ RULES: tuple[Rule, ...] = (
 
 
 def remarks(
-    friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = (), delay: float | None = None
+    friction: JointFriction,
+    evidence: JointEvidence,
+    logs: Sequence[Log] = (),
+    delay: float | None = None,
+    others: OtherMotion | None = None,
 ) -> list[Remark]:
     """Return the remarks of all rules on a joint's result, gravest first.
 
@@ -56,20 +61,30 @@ def remarks(
         evidence: of the same joint.
         logs: fitted logs.
         delay: of the torque behind the motion, if the user knows it [s].
+        others: motion of all joints of the logs, shared by their rules; None: computed here.
     """
-    case = Case(friction=friction, evidence=evidence, logs=logs, known_delay=delay)
+    others = OtherMotion(logs) if others is None else others
+    case = Case(friction=friction, evidence=evidence, logs=logs, known_delay=delay, others=others)
     every = [remark for rule in RULES if (remark := rule(case)) is not None]
     return sorted(every, key=lambda remark: ORDER.index(remark.severity))
 
 
-def with_verdict(
-    friction: JointFriction, evidence: JointEvidence, logs: Sequence[Log] = (), delay: float | None = None
-) -> JointFriction:
-    """Return the joint with the rules' remarks before the method's warnings, and the grade that they allow; see `remarks`."""
-    every = remarks(friction, evidence, logs, delay)
-    if not every:
+def with_verdicts(
+    joints: Sequence[JointFriction],
+    evidence: Sequence[JointEvidence],
+    logs: Sequence[Log] = (),
+    delay: float | None = None,
+) -> tuple[JointFriction, ...]:
+    """Return the joints with the rules' remarks before the method's warnings, and the grades that they allow; see `remarks`."""
+    others = OtherMotion(logs)
+    every = (remarks(j, e, logs, delay, others) for j, e in zip(joints, evidence, strict=True))
+    return tuple(_with_grade(j, e, said) for j, e, said in zip(joints, evidence, every, strict=True))
+
+
+def _with_grade(friction: JointFriction, evidence: JointEvidence, said: Sequence[Remark]) -> JointFriction:
+    if not said:
         return friction
-    worst = every[0].severity
-    sentences = dict.fromkeys([*(remark.sentence for remark in every), *friction.warnings])
+    worst = said[0].severity
+    sentences = dict.fromkeys([*(remark.sentence for remark in said), *friction.warnings])
     grade = "good" if worst == "note" else worst
     return replace(friction, warnings=tuple(sentences), verdict=Verdict(grade=grade, text=evidence.verdict))

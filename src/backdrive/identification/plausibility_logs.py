@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from itertools import pairwise
 
 import numpy as np
 
@@ -13,15 +12,12 @@ from backdrive.identification.alignment import is_of_joint, tempo
 from backdrive.identification.auto import own_turn
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.remark import Case, Remark
-from backdrive.identification.residual import Residual
 from backdrive.identification.user_delay import contradiction
-from backdrive.logs import filters
 from backdrive.logs.log import Log
 
 OFF = 0.02  # relative deviation of the duration from the plan above which there is a remark [-]
 ANOTHER_UNIT = 1.5  # ratio of the strokes of motion and plan, or its inverse, that indicates another unit [-]
 SCALED = 0.1  # relative deviation of the stroke from the plan above which there is a remark [-]
-OTHERS = 10.0  # cutoff frequency of the low pass on the motion of other joints [Hz]
 
 
 def plan(case: Case) -> Remark | None:
@@ -63,52 +59,20 @@ def siblings(case: Case) -> Remark | None:
     )
 
 
-def other_joints(case: Case) -> Iterator[tuple[np.ndarray, str]]:
-    """Yield columns of other joints' motion, (n, k), which may affect the torque while this joint slides, and their names."""
+def other_joints(case: Case) -> Iterator[list[tuple[np.ndarray, str]]]:
+    """Yield groups of rows of another joint's motion, (k, n), which may affect the torque while this joint slides, with names."""
     res = case.residual
-    if res is None or not case.logs:
+    if res is None or case.others is None:
         return
-    spans = _spans(res.slides, case.logs)
-    for column, about in enumerate(case.logs[0].joints):
-        if about.name == case.friction.joint.name:
-            continue
-        series = np.full((3, res.slides.time.size), np.nan)
-        for rows, log in spans:
-            series[:, rows] = [np.interp(res.slides.time[rows], log.time, x) for x in _motion(log, column)]
-        if not np.isfinite(series).all() or not np.any(series[1]):
-            continue
-        position, velocity, acceleration = series
-        yield acceleration[:, None], f"the acceleration of joint '{about.name}'"
-        yield np.stack([velocity, np.sign(velocity)], axis=1), f"the velocity of joint '{about.name}'"
+    for about, (position, velocity, acceleration) in case.others.beside(res.slides, case.friction.joint.name):
+        groups = [
+            (acceleration[None], f"the acceleration of joint '{about.name}'"),
+            (np.stack([velocity, np.sign(velocity)]), f"the velocity of joint '{about.name}'"),
+        ]
         if about.unit == "rad":
-            angle = np.stack([np.sin(position), np.cos(position)], axis=1)
-            yield angle, f"the position of joint '{about.name}'"
-
-
-def _spans(res: Residual, logs: Sequence[Log]) -> list[tuple[slice, Log]]:
-    """Return slices of the means with their logs; stretches are in the order of the logs, each on the clock of its log."""
-    edges = np.flatnonzero(np.diff(res.part, prepend=-1, append=-1)).tolist()
-    spans, at, last = [], 0, -np.inf
-    for a, b in pairwise(edges):
-        begin, end = float(res.time[a]), float(res.time[b - 1])
-        at += begin <= last
-        while at < len(logs) and not logs[at].time[0] <= begin <= end <= logs[at].time[-1]:
-            at += 1
-        if at < len(logs):
-            spans.append((slice(a, b), logs[at]))
-        last = end
-    return spans
-
-
-def _motion(log: Log, column: int) -> list[np.ndarray]:
-    """Return low-passed position, velocity and acceleration of a joint, (n,) each; without a position, it is zero."""
-    channel = log.position if log.position is not None else log.need("velocity")
-    rate = 1.0 / log.period
-    slow = filters.low_pass(channel[:, column], min(OTHERS, 0.1 * rate), rate)
-    if log.position is None:
-        return [np.zeros_like(slow), slow, filters.derivative(slow, log.period)]
-    velocity = filters.derivative(slow, log.period)
-    return [slow, velocity, filters.derivative(velocity, log.period)]
+            angle = np.stack([np.sin(position), np.cos(position)])
+            groups.append((angle, f"the position of joint '{about.name}'"))
+        yield groups
 
 
 def user_delay(case: Case) -> Remark | None:

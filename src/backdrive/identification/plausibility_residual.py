@@ -141,14 +141,13 @@ def structure(case: Case) -> Remark | None:
     if (
         float(np.sqrt(np.mean(res.torque_error**2))) > STRUCTURE * size
     ):  # the motion of other joints is costly to evaluate
-        for motion, cause in other_joints(case):
-            pull = res.explain(*motion.T)
-            if (
-                pull is not None
-            ):  # only the part that this joint's own motion does not explain counts as coupling
-                tests.append(
-                    (replace(pull, size=pull.beyond), f"Torque follows {cause}, by {share}: its pull.")
-                )
+        for groups in other_joints(case):
+            pulls = res.explain_each(*(rows for rows, _ in groups), least=STRUCTURE * size)
+            tests += [  # only the part that this joint's own motion does not explain counts as coupling
+                (replace(pull, size=pull.beyond), f"Torque follows {cause}, by {share}: its pull.")
+                for pull, (_, cause) in zip(pulls, groups, strict=True)
+                if pull is not None
+            ]
     sure = [
         (e, sentence)
         for e, sentence in tests

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
+from backdrive.identification.other_motion import OtherMotion
 from backdrive.identification.residual import Residual
 from backdrive.identification.result import JointEvidence
 from backdrive.logs.log import Log
@@ -43,12 +44,14 @@ class Case:
         evidence: of the same joint.
         logs: fitted logs.
         known_delay: of the torque behind the motion, if the user knows it [s].
+        others: motion of all joints of the logs; None: unknown.
     """
 
     friction: JointFriction
     evidence: JointEvidence
     logs: Sequence[Log] = ()
     known_delay: float | None = None
+    others: OtherMotion | None = None
 
     @property
     def residual(self) -> Residual | None:

@@ -135,16 +135,15 @@ class Residual:
         """Index of the first mean of each block, (B,)."""
         return np.arange(0, self.time.size, max(round(BLOCK / self.period), 1))
 
-    def explain(self, *columns: np.ndarray) -> Explanation | None:
-        """Return the explanation by columns in addition to the single-axis ones; None if the data do not suffice.
+    def explain_each(
+        self, *groups: Sequence[np.ndarray] | np.ndarray, least: float = 0.0
+    ) -> list[Explanation | None]:
+        """Return the explanation by each group of columns beside the single-axis ones; None if the data do not suffice.
 
         Args:
-            columns: one value per mean, (n,) each.
+            groups: columns, one value per mean, (n,) each.
+            least: part beyond other dynamics below which there is no test, and the result is None [N.m or N].
         """
-        return self.explain_each(columns)[0]
-
-    def explain_each(self, *groups: Sequence[np.ndarray]) -> list[Explanation | None]:
-        """Return the result of `explain` for each group of columns, faster than one call each."""
         whole = np.array([column for group in groups for column in group])
         apart, at = whole - (whole @ self._basis) @ self._basis.T, 0
         size, beyond = (np.sqrt(np.einsum("kn,kn->k", x, x)) for x in (whole, apart))
@@ -154,10 +153,10 @@ class Residual:
                 at, at := at + len(group)
             )  # without separation, the motion does not tell them from the other terms
             usable = self._blocks.size - len(group) >= FEWEST_BLOCKS and all(separate[rows])
-            results.append(self._test(whole[rows], apart[rows]) if usable else None)
+            results.append(self._test(whole[rows], apart[rows], least) if usable else None)
         return results
 
-    def _test(self, whole: np.ndarray, Z: np.ndarray) -> Explanation | None:
+    def _test(self, whole: np.ndarray, Z: np.ndarray, least: float) -> Explanation | None:
         """Return the explanation by columns, one per row, (k, n); `Z` is their part beside the single-axis columns, (k, n)."""
         k, B, left = len(whole), self._blocks.size, self._error_apart
         inverse = inverse_of(Z @ Z.T)
@@ -168,6 +167,9 @@ class Residual:
             if rank < k:
                 return None
         fit = coefficients @ Z
+        beyond = math.sqrt(fit @ fit / fit.size)
+        if beyond < least:
+            return None
         scores = np.add.reduceat(Z * (left - fit), self._blocks, axis=1)
         middle = scores @ scores.T * (B / (B - 1))
         if not np.isfinite(middle).all():
@@ -181,7 +183,7 @@ class Residual:
             size=math.sqrt(total @ total / total.size),
             chance=chance,
             coefficients=tuple(coefficients.tolist()),
-            beyond=math.sqrt(fit @ fit / fit.size),
+            beyond=beyond,
         )
 
     @cached_property
