@@ -66,3 +66,16 @@ def test_fft_length_is_small_and_smooth(n):
     assert rest == 1
     assert n <= length <= max(2, 1.35 * n)
     assert length % 2 == 0
+
+
+@pytest.mark.parametrize(("cutoff", "order"), [(100.0, 4), (7.0, 4), (40.0, 2), (40.0, 8)])
+def test_a_long_series_is_filtered_in_pieces_as_if_whole(monkeypatch, cutoff, order):
+    x = np.cumsum(np.random.default_rng(3).standard_normal((2, 70_000)), axis=1)
+    monkeypatch.setattr(filters, "SHORT", 1 << 20)
+    whole = filters.low_pass_rows(x, cutoff, 1000.0, order)
+    monkeypatch.setattr(filters, "SHORT", 1 << 11)
+    pieces = filters.low_pass_rows(x, cutoff, 1000.0, order)
+    inside = slice(round(20 * 1000.0 / cutoff), -round(20 * 1000.0 / cutoff))
+    scale = np.abs(whole).max()
+    np.testing.assert_allclose(pieces[:, inside], whole[:, inside], atol=1e-13 * scale, rtol=0.0)
+    np.testing.assert_allclose(pieces, whole, atol=1e-2 * scale, rtol=0.0)

@@ -6,6 +6,7 @@ what the sampling cannot resolve, without bias of the fit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache, lru_cache
 
@@ -14,6 +15,9 @@ import numpy as np
 from backdrive.errors import InvalidInput
 
 SHORT = 1 << 16  # the gains of up to so many samples are kept for the next series [sample]
+FADES = (
+    14.0  # time after which the response is below the rounding of numbers [period of the cutoff frequency]
+)
 AT_ONCE = 4  # series that are transformed together; more would not fit the cache
 ODD = tuple(3**i * 5**j for i in range(20) for j in range(14))  # odd factors of lengths that transform fast
 
@@ -69,16 +73,24 @@ def low_pass_rows(
         return np.array(rows, dtype=np.float64)
     if size < 2:
         raise InvalidInput(f"{size} samples are too few to filter.", remedy="Give a longer log.")
-    pad = min(round(3 * rate / cutoff), size - 1)
-    n = fft_length(size + 2 * pad)
-    gain = (_gain if n <= SHORT else _gain.__wrapped__)(n, cutoff / rate, order)
-    result, step = np.empty((len(rows), size)), AT_ONCE if n <= SHORT else 1
-    for k in range(0, len(rows), step):
-        x = np.asarray(rows[k : k + step], dtype=np.float64)
-        spectrum = spectrum_of(x, pad, n)
-        spectrum *= gain
-        filtered = np.fft.irfft(spectrum, n)[:, pad : pad + size]
-        np.add(filtered, 0.5 * (x[:, :1] + x[:, -1:]), out=result[k : k + step])
+    pad, margin, circle = min(round(3 * rate / cutoff), size - 1), math.ceil(FADES * order / 4 * rate / cutoff), SHORT
+    while 8 * margin > circle:
+        circle *= 2
+    piece = circle - 2 * (margin + pad)
+    if size <= 2 * circle:
+        piece, circle = size, fft_length(size + 2 * pad)
+    gain = (_gain if circle <= SHORT else _gain.__wrapped__)(circle, cutoff / rate, order)
+    result, at_once = np.empty((len(rows), size)), AT_ONCE if circle <= SHORT else 1
+    for begin in range(0, size, piece):  # a long series in pieces, which the cache holds
+        first, last = max(begin - margin, 0), min(begin + piece + margin, size)
+        inside = slice(begin - first, min(begin + piece, size) - first)
+        for k in range(0, len(rows), at_once):
+            x = np.asarray([row[first:last] for row in rows[k : k + at_once]], dtype=np.float64)
+            spectrum = spectrum_of(x, pad, circle)
+            spectrum *= gain
+            filtered = np.fft.irfft(spectrum, circle)[:, pad : pad + last - first]
+            level = 0.5 * (x[:, :1] + x[:, -1:])
+            np.add(filtered[:, inside], level, out=result[k : k + at_once, begin : begin + piece])
     return result
 
 
