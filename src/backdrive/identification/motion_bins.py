@@ -22,6 +22,7 @@ FILLED, HALF = 0.9, 0.5
 LONG_ENOUGH = 0.25  # least time of sliding near the slowest sliding speed [s]
 MOVE = 0.1  # least duration of a move [s]
 CHUNK = 200_000  # number of samples per chunk of the regressor
+PIECE = 10_000  # number of bins that are whitened together
 Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
 
 
@@ -65,12 +66,16 @@ class Bins:
         if not correlation > 0.0:
             return self
         at = np.flatnonzero(self.used)
-        before, after = at[:-1], at[1:]
-        kept = correlation ** (after - before)
-        size = np.sqrt(1.0 - kept**2)
-        X, y, rows, torque = self.X.copy(), self.y.copy(), self.X[at], self.y[at]
-        X[after] = (rows[1:] - kept[:, None] * rows[:-1]) / size[:, None]
-        y[after] = (torque[1:] - kept * torque[:-1]) / size
+        X, y = self.X.copy(), self.y.copy()
+        for first in range(0, at.size - 1, PIECE):  # in pieces that fit the cache
+            after, before = at[first + 1 : first + 1 + PIECE], at[first : first + PIECE]
+            before = before[: after.size]
+            kept = correlation ** (after - before)
+            size = np.sqrt(1.0 - kept**2)
+            rows = self.X[after]
+            rows -= kept[:, None] * self.X[before]
+            rows /= size[:, None]
+            X[after], y[after] = rows, (self.y[after] - kept * self.y[before]) / size
         return replace(self, X=X, y=y)
 
     def _whiten_opposite(self, share: float) -> Bins:

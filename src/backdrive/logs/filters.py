@@ -73,7 +73,11 @@ def low_pass_rows(
         return np.array(rows, dtype=np.float64)
     if size < 2:
         raise InvalidInput(f"{size} samples are too few to filter.", remedy="Give a longer log.")
-    pad, margin, circle = min(round(3 * rate / cutoff), size - 1), math.ceil(FADES * order / 4 * rate / cutoff), SHORT
+    pad, margin, circle = (
+        min(round(3 * rate / cutoff), size - 1),
+        math.ceil(FADES * order / 4 * rate / cutoff),
+        SHORT,
+    )
     while 8 * margin > circle:
         circle *= 2
     piece = circle - 2 * (margin + pad)
