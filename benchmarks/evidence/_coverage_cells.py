@@ -16,6 +16,7 @@ from backdrive.laws import CoulombViscous
 
 NORMAL = 1.959964  # half width of a 95 % interval where only a standard error is stated [standard error]
 CROSSED = 3.0  # widths of a smooth crossing of zero, below which its level is no sliding friction [-]
+KINDS = ("jump", "sliding", "crossing", "exact")  # in the order of `Number`
 WAYS = ("positive", "negative")
 REFUSED = {"line": "motion", "search": "dynamic"}  # method of a label whose log was refused
 QUANTITIES = {
@@ -38,6 +39,7 @@ class Number(NamedTuple):
         least: half of the oracle's [unit].
         sliding: the same by rows where the joint slides for sure [unit].
         crossing: the same with the true crossing of zero known [unit].
+        exact: that of the oracle with an exact encoder [unit].
     """
 
     condition: str
@@ -49,6 +51,7 @@ class Number(NamedTuple):
     least: float
     sliding: float
     crossing: float
+    exact: float
 
     @property
     def told(self) -> bool:
@@ -85,7 +88,7 @@ def numbers(condition: int, seed: int, searches: bool) -> list[Number]:
             raise
         except BackdriveError:
             method = _named(REFUSED.get(label, about.expected), label)
-            made += [Number(about.name, method, q, seed, *[math.nan] * 5) for q in QUANTITIES[label]]
+            made += [Number(about.name, method, q, seed, *[math.nan] * 6) for q in QUANTITIES[label]]
             continue
         method = _named(result.method, label)
         made += [Number(about.name, method, q, seed, *rest) for q, *rest in _stated(result, case)]
@@ -123,10 +126,10 @@ def _terms(result: Any, case: Case) -> Terms:
 
 
 def _stated(result: Any, case: Case) -> Iterator[tuple[Any, ...]]:
-    """Return quantity, error, stated half width and those of the oracle and its two bounds, of every number."""
+    """Return quantity, error, stated half width and those of the oracles of `KINDS`, of every number."""
     friction, joint = result.model.joints[0], case.joint
     rate, terms = friction.law.rate, _terms(result, case)
-    bounds = [oracle(case.records, terms, kind) for kind in ("jump", "sliding", "crossing")]
+    bounds = [oracle(case.records, terms, kind) for kind in KINDS]
     # by direction a constant torque cannot be told from friction: where no offset is stated it is in the friction
     constant = 0.0 if terms.symmetric or "offset" in friction.dynamics else joint.offset
     intervals = result.intervals.get(friction.joint.name, {})

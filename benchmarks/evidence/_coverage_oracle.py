@@ -1,9 +1,13 @@
 """The oracle: least squares with the same terms and knots, by the true motion and the true covariance, the delay free.
 
-It takes friction to jump where the velocity changes its sign, and tells Coulomb from the torque a sample before and after: in an
-AR(0.98) at 200 Hz that is several times as sure as all that goes before. The generator's friction crosses zero in a few ms to
-100 ms, by a law and width that are drawn, so that such a fit to its torque would be off by hundreds of its own errors. Two more
-rows of bounds tell what is left of that: `sliding`, the same where the joint slides for sure and its reference has no kink, and
+The covariance is that of the whole equation: the noise of the torque, and the encoder's rounding, which enters the acceleration
+and with it the torque by inertia times its second difference (what it does to the velocity is a hundredth of that). No fit can
+know the acceleration better. `exact` is the same with an encoder that does not round.
+
+The oracle takes friction to jump where the velocity changes its sign, and tells Coulomb from the torque a sample before and
+after: in an AR(0.98) at 200 Hz that is several times as sure as all that goes before. The generator's friction crosses zero in a
+few ms to 100 ms, by a law and width that are drawn, so that such a fit to its torque would be off by hundreds of its own errors.
+Two more bounds tell what is left of that: `sliding`, the same where the joint slides for sure and its reference has no kink, and
 `crossing`, all rows with the true course of the crossing known, which no fit knows.
 """
 
@@ -13,8 +17,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from _independent import Record
-from scipy import stats
+from _independent import TURN, Record
+from scipy import sparse, stats
+from scipy.linalg import cholesky_banded, solve_banded
 
 MOVING = 1e-3  # slower samples than this share of the top speed are at rest [-]
 SLOW, REVERSAL = (
@@ -22,6 +27,7 @@ SLOW, REVERSAL = (
     0.03,
 )  # share of the top speed and time about a change of sign, without which it slides for sure [-], [s]
 KINK = 100.0  # a bend of the acceleration is a kink if it is so many times the median one [-]
+BAND = 4  # neighbours whose errors one position affects, after whitening [sample]
 FLANK = 0.8  # a sweep uses samples faster than this share of a cycle's peak speed [-]
 
 
@@ -81,7 +87,7 @@ def oracle(records: Sequence[Record], terms: Terms, kind: str = "jump") -> Oracl
     Args:
         records: the logs.
         terms: of the result.
-        kind: `jump`, the oracle; `sliding` and `crossing`, bounds for what can be known of it.
+        kind: `jump`, the oracle; `exact`, that of an exact encoder; `sliding` and `crossing`, bounds for what can be known.
     """
     k = terms.knots.size
     X = np.vstack([_whitened(record, terms, kind) for record in records])
@@ -133,17 +139,37 @@ def _whitened(record: Record, terms: Terms, kind: str) -> np.ndarray:
     used = np.isfinite(record.position) & (np.abs(v) > MOVING * np.abs(v).max())
     if terms.flanks:
         used &= np.abs(v) > FLANK * _peak(v)
-    colour = record.logger.colour
-    if kind != "jump":
-        if kind == "sliding":
-            used &= _slides(v, record.logger.rate) & ~_kinks(a)
-        rows = np.flatnonzero(used)
-        kept = colour ** np.diff(rows)[:, None]  # the correlation goes on across rows that are left out
-        rest = (X[rows[1:]] - kept * X[rows[:-1]]) / np.sqrt(1.0 - kept**2)
-        return np.vstack([X[rows[:1]], rest]) / record.logger.noise
-    following = used & np.r_[False, used[:-1]]
-    white = np.where(following[:, None], X - colour * np.roll(X, 1, axis=0), X * np.sqrt(1.0 - colour**2))
-    return white[used] / (record.logger.noise * np.sqrt(1.0 - colour**2))
+    if kind == "sliding":
+        used &= _slides(v, record.logger.rate) & ~_kinks(a)
+    rows = np.flatnonzero(used)
+    kept = record.logger.colour ** np.diff(rows)  # the correlation goes on across rows that are left out
+    size = np.sqrt(1.0 - kept**2)
+    white = sparse.diags([np.r_[1.0, 1.0 / size], -kept / size], [0, -1], format="csr") / record.logger.noise
+    return (
+        white @ X[rows] if kind == "exact" or not terms.inertia else _beside_rounding(white, rows, record, X)
+    )
+
+
+def _beside_rounding(white: sparse.csr_matrix, rows: np.ndarray, record: Record, X: np.ndarray) -> np.ndarray:
+    """Return rows of a regressor as the noise of the torque and the encoder's rounding together are white, (n, p).
+
+    Rounding is white and enters by inertia times its second difference.
+
+    Args:
+        white: what makes the noise of the torque white, of unit variance, (n, n).
+        rows: that are used.
+        record: the log.
+        X: regressor of all rows.
+    """
+    n, logger = len(X), record.logger
+    each = record.joint.inertia * logger.rate**2 * TURN / (logger.counts * np.sqrt(12.0))
+    moved = white @ (sparse.diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(n, n), format="csr") * each)[rows]
+    covariance = moved @ moved.T + sparse.identity(rows.size)
+    band = np.zeros((BAND + 1, rows.size))
+    for k in range(BAND + 1):
+        band[k, : rows.size - k] = covariance.diagonal(-k)
+    lower = cholesky_banded(band, lower=True)
+    return solve_banded((BAND, 0), lower, white @ X[rows])
 
 
 def _crossing(record: Record) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 A cell is a method, a condition and a quantity (Coulomb, viscous, curve at its knots), pooled over knots and directions. Of
 each: the share of truths inside the stated interval; its median width by that of an oracle (least squares with the same terms
-and knots by the true motion and covariance, the delay free, the same t quantile); how often nothing is told; and the share of
-logs with more than a tenth of their numbers beyond three stated errors. Beside the width stand two that no gate asks of: by the
+and knots by the true motion and covariance, rounding of the encoder included, the delay free, the same t quantile); how often
+nothing is told; and the share of logs with more than a tenth of their numbers beyond three stated errors. Beside the width stand
+three that no gate asks of: by that of an oracle whose encoder does not round (`exact`), which no log can have; and by the
 oracle's, the width that the true covariance gives where the joint slides for sure (`slides`), and with the true crossing of
 zero known (`crosses`): the oracle takes friction to jump there (`_coverage_oracle`). A straight line is the truth, without a
 Stribeck peak, so that Coulomb and viscous are what they are; knots within a smooth crossing of zero are left out. An interval
@@ -64,9 +65,9 @@ def main() -> None:
             cells[number.condition, number.method, number.quantity].append(number)
         _progress(done, len(jobs))
     silent = {c.name for c in CONDITIONS if c.silent}
+    heads = ("inside", "width", "exact", "slides", "crosses", "bias", "open", "beyond")
     print(
-        f"{'condition':30s} {'method':24s} {'quantity':9s} {'logs':>5s} {'n':>6s} {'inside':>8s} {'width':>7s} {'slides':>7s} "
-        f"{'crosses':>7s} {'bias':>7s} {'open':>7s} {'beyond':>7s}"
+        f"{'condition':30s} {'method':24s} {'quantity':9s} {'logs':>5s} {'n':>6s} {''.join(f' {h:>7s}' for h in heads)}"
     )
     for key in sorted(cells, key=lambda k: ([c.name for c in CONDITIONS].index(k[0]), k)):
         _judge(judge, key, cells[key], key[0] in silent, asked.logs)
@@ -94,18 +95,19 @@ def _judge(judge: Judge, key: tuple[str, str, str], cell: list[Number], silent: 
     open_ = 1.0 - len(told) / len(cell)
     name = " | ".join(key)
     if silent:
-        print(f"{key[0]:30s} {key[1]:24s} {key[2]:9s} {logs:5d} {len(cell):6d} {'':40s} {100 * open_:6.0f}%")
+        print(f"{key[0]:30s} {key[1]:24s} {key[2]:9s} {logs:5d} {len(cell):6d} {'':48s} {100 * open_:6.0f}%")
         if told:
             judge.short.append(f"{name}: told in {100 - 100 * open_:.0f} %, where nothing can be told")
         return
     if not told:
-        print(f"{key[0]:30s} {key[1]:24s} {key[2]:9s} {logs:5d} {len(cell):6d} {'':40s} {100 * open_:6.0f}%")
+        print(f"{key[0]:30s} {key[1]:24s} {key[2]:9s} {logs:5d} {len(cell):6d} {'':48s} {100 * open_:6.0f}%")
         judge.short.append(f"{name}: never told")
         return
     error, width = np.array([n.error for n in told]), np.array([n.width for n in told])
     inside = float(np.mean(np.abs(error) <= width))
     least = np.array([n.least for n in told])
     ratio = _median(width / least)
+    exact = _median(width / np.array([n.exact for n in told]))
     slides, crosses = (
         _median(np.array([getattr(n, kind) / n.least for n in told])) for kind in ("sliding", "crossing")
     )
@@ -114,9 +116,10 @@ def _judge(judge: Judge, key: tuple[str, str, str], cell: list[Number], silent: 
         by_log[n.log].append(abs(n.error) > BEYOND / ERROR * n.width)
     wild = float(np.mean([np.mean(b) > SHARE for b in by_log.values()]))
     bias = float(np.median(error / width) * ERROR)
+    widths = "".join(f" {x:7.2f}" for x in (ratio, exact, slides, crosses, bias))
     print(
-        f"{key[0]:30s} {key[1]:24s} {key[2]:9s} {len(by_log):5d} {len(cell):6d} {100 * inside:7.1f}% {ratio:7.2f} {slides:7.2f} "
-        f"{crosses:7.2f} {bias:7.2f} {100 * open_:6.1f}% {100 * wild:6.1f}%"
+        f"{key[0]:30s} {key[1]:24s} {key[2]:9s} {len(by_log):5d} {len(cell):6d} {100 * inside:7.1f}%{widths} "
+        f"{100 * open_:6.1f}% {100 * wild:6.1f}%"
     )
     slack = 2.0 * math.sqrt(0.95 * 0.05 / len(by_log)) if len(by_log) < 200 else 0.0  # of a short run
     off = []
