@@ -21,6 +21,9 @@ DESCENTS = 3  # number of starting points that are optimised first
 SHORT = 8  # iterations of each of these
 LONGEST_DESCENT = 40  # largest number of iterations from the best of them
 STEPS = (1 + DESCENTS) * SHORT + LONGEST_DESCENT
+ENOUGH = 60_000  # largest number of samples for all descents but one from their end
+SHORTEST = 50  # least number of samples of a window
+WINDOWS = 6  # number of windows from which they are taken
 
 
 def fit_law(  # noqa: PLR0913  (its options are given by keyword)
@@ -83,10 +86,19 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
     def inform(before: int) -> Callable[[int, float], None]:
         return lambda i, c: tick(shape.name, before + i, c) if tick is not None else None
 
-    for _ in range(TRIES):
-        problem = TorqueProblem(
-            shape, stretches, scales, terms=terms, delay=delay, bounds=bounds, known=known, about=about
+    def problem_of(part: Sequence[Stretch], about: float) -> TorqueProblem:
+        return TorqueProblem(
+            shape, part, scales, terms=terms, delay=delay, bounds=bounds, known=known, about=about
         )
+
+    part = windows_of(stretches)
+    if part is not None:
+        try:
+            problem_of(part, about)
+        except NotIdentifiable:  # they show too little motion
+            part = None
+    for _ in range(TRIES):
+        problem = problem_of(part or stretches, about)
         search = Search(problem.residuals, problem.lower, problem.upper, loss=loss)
         points = starts_.starts(problem, scales, begin, seed)
         if begin_at is not None:
@@ -108,7 +120,28 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
         if not shape.element.SET_VALUED or abs(late - about) <= (BESIDE - 2) * dt or found.interrupted:
             break
         about, begin_at, begin, descend = late, values, 2, 1
+    if part is not None:
+        stopped, problem = found.interrupted, problem_of(stretches, about)
+        search = Search(problem.residuals, problem.lower, problem.upper, loss=loss)
+        found = search.run(
+            problem.point(values), iterations=0 if stopped else iterations, tick=inform((1 + descend) * SHORT)
+        )
+        found = replace(found, interrupted=stopped or found.interrupted)
     return conclude(problem, found, loss)
+
+
+def windows_of(stretches: Sequence[Stretch]) -> list[Stretch] | None:
+    """Return windows spread evenly over many samples, together `ENOUGH`; None if there are no more than that."""
+    whole, length = sum(len(s.torque) for s in stretches), ENOUGH // WINDOWS
+    if whole <= ENOUGH:
+        return None
+    begins, before, part = np.linspace(0, whole - length, WINDOWS).astype(int).tolist(), 0, []
+    for s in stretches:
+        n = len(s.torque)
+        spans = [(max(begin - before, 0), min(begin + length - before, n)) for begin in begins]
+        part += [s.rows(slice(first, last)) for first, last in spans if last - first >= SHORTEST]
+        before += n
+    return part
 
 
 LawFit = Fit

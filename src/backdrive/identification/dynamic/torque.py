@@ -72,6 +72,12 @@ class Stretch:
         """Velocity of the interval that ends at each sample [rad/s or m/s], (n,)."""
         return self.dp / self.dt
 
+    def rows(self, part: slice) -> Stretch:
+        """Return a part of the samples; what is given once for all of them stays."""
+        whole = {name: x for name, x in vars(self).items() if isinstance(x, np.ndarray)}
+        n = len(self.torque)
+        return replace(self, **{name: x[part] for name, x in whole.items() if len(x) == n})
+
 
 def stretch(
     signals: Signals,
