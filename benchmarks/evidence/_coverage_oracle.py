@@ -142,6 +142,8 @@ def _whitened(record: Record, terms: Terms, kind: str) -> np.ndarray:
     if kind == "sliding":
         used &= _slides(v, record.logger.rate) & ~_kinks(a)
     rows = np.flatnonzero(used)
+    if not rows.size:
+        return X[:0]
     kept = record.logger.colour ** np.diff(rows)  # the correlation goes on across rows that are left out
     size = np.sqrt(1.0 - kept**2)
     white = sparse.diags([np.r_[1.0, 1.0 / size], -kept / size], [0, -1], format="csr") / record.logger.noise
