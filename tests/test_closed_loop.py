@@ -189,6 +189,24 @@ def test_the_same_seed_gives_the_same_numbers_on_any_number_of_threads():
     assert same(play(scenes[2]), alone[2])
 
 
+def test_one_kernel_for_each_kind_of_law_gives_the_same_numbers():
+    first = scene()
+    other = machine("setup_a")
+    rate = CoulombViscous(
+        coulomb_positive=12.0, coulomb_negative=8.0, viscous_positive=20.0, viscous_negative=30.0
+    )
+    other = other.replace(law=Law(rate=rate, element=other.law.element))
+    scenes = [
+        first,
+        first.replace(plant=other),
+        first.replace(loop=None),
+        first.replace(plant=other, loop=None),
+    ]
+    each, together = play(scenes), play(scenes, one_kernel=True)
+    assert all(same(a, b) for a, b in zip(each, together, strict=True))
+    assert not same(each[0], each[1])
+
+
 def test_the_loop_is_the_one_that_a_robot_would_run():
     """`Loop`, fed with what the robot has seen, gives the torque and the estimate of the simulation, bit for bit."""
     r = play(scene())

@@ -168,7 +168,7 @@ def _beside_rounding(white: sparse.csr_matrix, rows: np.ndarray, record: Record,
     moved = white @ (sparse.diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(n, n), format="csr") * each)[rows]
     covariance = moved @ moved.T + sparse.identity(rows.size)
     band = np.zeros((BAND + 1, rows.size))
-    for k in range(BAND + 1):
+    for k in range(min(BAND + 1, rows.size)):
         band[k, : rows.size - k] = covariance.diagonal(-k)
     lower = cholesky_banded(band, lower=True)
     return solve_banded((BAND, 0), lower, white @ X[rows])

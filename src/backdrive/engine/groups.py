@@ -29,6 +29,11 @@ def serves(element: int) -> bool:
     return bool((kernels.HOLDS | kernels.FOLLOWS) >> element & 1)
 
 
+def holds(element: int) -> bool:
+    """Return whether an element has no state, so that its lanes gain nothing side by side, and one loop does for any number."""
+    return bool(kernels.HOLDS >> element & 1)
+
+
 def work() -> tuple[np.ndarray, ...]:
     """Return the work arrays of the loop: velocities of a block; for each lane the numbers of `ahead`, viscous part, state."""
     size = (

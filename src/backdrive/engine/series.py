@@ -130,7 +130,8 @@ class Lanes:
         """Return the compiled loop for some lanes of one law, and the function that allocates its work arrays."""
         rate, element, plain, knots, _ = kinds
         if groups.serves(element):
-            together = 1 if len(lanes) == 1 else groups.TOGETHER
+            alone = len(lanes) == 1 and not groups.holds(element)
+            together = 1 if alone else groups.TOGETHER
             return groups.in_groups(rate, element, plain, knots, tame, together), groups.work
         wide = knots or kernels.ROWS >> element & 1 or not plain or self.rows.shape[1] > loops.COLUMNS
         if len(lanes) < loops.FEWEST or wide:

@@ -153,8 +153,8 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None, one_ker
     Args:
         scenes: one, or many, which are spread over the cores.
         workers: threads; None: one a core. The numbers do not depend on it.
-        one_kernel: compile one kernel for all scenes instead of one for each kind. That is faster for a few short scenes that
-            differ in their loops only; the numbers are the same.
+        one_kernel: compile one kernel for all scenes with the same kind of law instead of one for each kind of loop. That is
+            faster for a few short scenes; the numbers are the same.
 
     Returns:
         A `Record`, or a list of them.
@@ -162,7 +162,12 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None, one_ker
     many = [scenes] if isinstance(scenes, Scene) else list(scenes)
     prepared = [prepare(scene) for scene in many]
     cases = [(scene, arguments) for scene, (arguments, _) in zip(many, prepared, strict=True)]
-    kernels_of = [kernel_of(*cases)] * len(cases) if one_kernel else [kernel_of(case) for case in cases]
+    groups: dict[object, list[tuple[Scene, tuple]]] = {}
+    keys = [kind_of(case) if one_kernel else k for k, case in enumerate(cases)]
+    for key, case in zip(keys, cases, strict=True):
+        groups.setdefault(key, []).append(case)
+    compiled = {key: kernel_of(*group) for key, group in groups.items()}
+    kernels_of = [compiled[key] for key in keys]
 
     def work(first: int, last: int) -> None:
         for kernel, (arguments, _) in zip(kernels_of[first:last], prepared[first:last], strict=True):
@@ -182,6 +187,12 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None, one_ker
             )
         )
     return records[0] if isinstance(scenes, Scene) else records
+
+
+def kind_of(case: tuple[Scene, tuple]) -> tuple[int, int, bool]:
+    """Return the kind of the joint's law: of its rate law and element, and whether it is plain."""
+    law, row = case[0].plant.law, case[1][2]
+    return law.rate.KIND, law.element.KIND, bool(kernels.plain(row[None, :1]))
 
 
 def kernel_of(*cases: tuple[Scene, tuple]) -> Callable[..., None]:

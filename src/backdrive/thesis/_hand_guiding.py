@@ -116,7 +116,7 @@ def guide(runs: Iterable[tuple[Guidance, int, int]]) -> list[dict[str, Record]]:
         Case -> record, for each run.
     """
     made = [guidance.scenes(cycles, seed) for guidance, cycles, seed in runs]
-    records = iter(play([scene for scenes in made for scene in scenes]))
+    records = iter(play([scene for scenes in made for scene in scenes], one_kernel=True))
     return [{case: next(records) for case in CASES} for _ in made]
 
 
