@@ -113,7 +113,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     few = (
         moves(stretches) < LEAST_MOVES
     )  # too few data for a delay or for standard errors, so reversals are fitted too
-    seconds = BIN_TIME if few else bin_time(stretches, smooth.cutoff or default_cutoff(stretches[0].rate))
+    seconds = BIN_TIME if few else bin_time(stretches, smooth.cutoff)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
 

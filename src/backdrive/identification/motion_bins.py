@@ -9,11 +9,12 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from backdrive.identification import design, regression
-from backdrive.identification.signals import Signals
+from backdrive.identification.signals import Signals, default_cutoff
 from backdrive.logs import filters
 
 BIN_TIME = 0.01  # shortest bin [s]
 LONGEST_BIN = 0.1  # longest bin [s]
+SHORTER = 0.7  # length of a bin after the default low pass [period of its cutoff frequency]
 OF_A_MOVE = 0.125  # longest bin, relative to the median time between two reversals [-]
 BLOCK_TIME = 1.5  # shortest cross-validation block, unless `BLOCKS` requires shorter ones [s]
 BLOCKS = (8, 24)  # least and largest number of blocks
@@ -102,16 +103,19 @@ def moving_average(correlation: float) -> float:
     return (1.0 - float(np.sqrt(1.0 - 4.0 * correlation**2))) / (2.0 * correlation)
 
 
-def bin_time(stretches: Sequence[Signals], cutoff: float) -> float:
+def bin_time(stretches: Sequence[Signals], cutoff: float | None) -> float:
     """Return the length of a bin [s]: a period of the cutoff frequency, which removes ringing about reversals, within limits.
+
+    The default low pass hardly changes the motion, so shorter bins do: they keep more of what coloured noise leaves to be seen.
 
     Args:
         stretches: of one joint.
-        cutoff: cutoff frequency of the motion's low pass [Hz].
+        cutoff: cutoff frequency of the motion's low pass [Hz]; None: the default.
     """
+    ringing = 1.0 / cutoff if cutoff else SHORTER / default_cutoff(stretches[0].rate)
     period = period_of([moves_of(s) for s in stretches])
     longest = 0.5 * OF_A_MOVE * period if period else LONGEST_BIN
-    return max(BIN_TIME, min(1.0 / cutoff, longest, LONGEST_BIN))
+    return max(BIN_TIME, min(ringing, longest, LONGEST_BIN))
 
 
 def bin_size(s: Signals, seconds: float = BIN_TIME) -> tuple[int, int]:
