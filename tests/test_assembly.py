@@ -10,12 +10,12 @@ import pytest
 from _kinds import of_a_kind
 from backdrive._assembly import assemble
 from backdrive._jit import COMPILED, choice, jit, ladder
-from backdrive.control import BareLoop, assembly, joint_loop, loop_kernel
+from backdrive.control import BareLoop, JointLoop, assembly, joint_loop, loop_kernel
 from backdrive.control.compensators import compensator as compensator_
 from backdrive.control.compensators.catalog import alg_fc2
 from backdrive.control.estimators import external as external_
 from backdrive.control.estimators.external import ExternalForce
-from backdrive.control.table import TORQUE
+from backdrive.control.table import STILL, TORQUE
 from backdrive.laws import ELEMENTS, RATES, Decaying, Law, LuGre, Polyline, StribeckGauss, kernels
 
 BRISTLE = LuGre(stiffness=1e4, damping=30.0)
@@ -71,6 +71,40 @@ def test_a_loop_that_knows_its_joints_gives_the_bits_of_the_general_one(external
     assert all(
         np.array_equal(a, b, equal_nan=True) for a, b in zip(run(known), run(loop_kernel.tick), strict=True)
     )
+
+
+@pytest.mark.parametrize("own", [1.0, 0.5])
+def test_friction_that_compensator_and_estimator_share_gives_the_bits_of_two(own):
+    count, at_rest, T = 1e-5, 300, 1e-3
+    made = alg_fc2(Polyline(**Polyline.EXAMPLE), 1e4, 1e-3)
+    friction = alg_fc2(Polyline(**Polyline.EXAMPLE), own * 1e4, 1e-3).friction
+    joint = JointLoop(
+        compensator=made,
+        external=ExternalForce(inertia=0.5, friction=friction, method="momentum"),
+        limit=5.0,
+        top_speed=10.0,
+        encoder_count=count,
+        hold=0.1,
+    )
+    stroke = 0.2 * np.sin(np.arange(400) * 0.02)
+    way = np.concatenate([stroke, np.full(at_rest, stroke[-1]), stroke[-1] + 1e-4 * np.arange(30), stroke])
+    rows = joint_loop.rows([joint], np.zeros(1), T)
+
+    def run(kernel) -> np.ndarray:
+        *parts, table = joint_loop.rows([joint], np.zeros(1), T)
+        arrays, seen = (*joint_loop.concatenate(parts), table, np.zeros(1, dtype=np.int64)), []
+        for q in (count * np.round(way / count)).tolist():
+            kernel(*arrays, np.array([q]), T)
+            seen.append(table.copy())
+        return np.array(seen)
+
+    assert assembly.shares_friction(rows) == (own == 1.0)
+    expected, got = run(loop_kernel.tick), run(assembly.of_loop(loop_kernel.tick, rows))
+    assert expected.tobytes() == got.tobytes()
+    assert np.abs(expected[:, 0, TORQUE]).max() > 0.5
+    assert (
+        expected[:, 0, STILL] > joint.hold
+    ).any()  # the compensator's contact was let go, the estimator's was not
 
 
 def test_what_leads_to_no_part_stays_as_it_is():

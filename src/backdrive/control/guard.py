@@ -45,10 +45,11 @@ from backdrive.control.table import (
     STOP,
     TOP,
     TORQUE,
+    raised,
 )  # fmt: skip
 from backdrive.status import Status
 
-STOPPED, LATCHED = int(Status.STOPPED), int(Status.LATCHED)
+OK, STOPPED, LATCHED = int(Status.OK), int(Status.STOPPED), int(Status.LATCHED)
 LONGEST = 20.0  # largest fault time that one call adds [period]
 WINDOW = 0.01  # shortest window of a speed measurement [s]
 HASTE = 7.5  # factor on the latch rate for a runaway, since friction has to dissipate the energy added above the top speed [-]
@@ -109,23 +110,26 @@ def act(g, code, good, wanted, since, interval):
     `code`: status of the reading or of its processing. `good`: the reading was accepted. `wanted`: torque of the compensator
     for an accepted reading. `since`: time since the last accepted reading. `interval`: the given interval.
     """
-    passed = g[PASSED]
+    passed, trips = g[PASSED], False
     if good:
-        g[FAULTY] = max(g[FAULTY] - FORGIVEN * passed, 0.0)
+        if raised(g[FAULTY]):
+            g[FAULTY] = max(g[FAULTY] - FORGIVEN * passed, 0.0)
+            trips = code != OK and g[FAULTY] > g[PATIENCE]
         g[BAD] = 0.0
         if watch(g, since):
-            code = OVERSPEED
+            code, trips = OVERSPEED, True
     else:
         g[FAULTY] += min(max(passed, interval), LONGEST * passed)  # `passed` where the interval is NaN
         fading = 1.0 + g[FADE] * passed if g[BAD] > 0.0 else 1.0  # a single bad reading changes no output
         g[BAD] += 1.0
         wanted = g[TORQUE] / fading
         g[EXTERNAL] /= fading
+        trips = code == OVERSPEED or g[FAULTY] > g[PATIENCE]
     out, limit, cap = g[TORQUE], g[LIMIT], g[CAP]
-    latched = g[CAUSE] > 0.0
-    if not latched and (code == OVERSPEED or g[FAULTY] > g[PATIENCE]):
-        g[CAUSE] = code
-    if g[CAUSE] != 0.0 or g[STOP] != 0.0:
+    if trips or raised(g[CAUSE]) or raised(g[STOP]):
+        latched = g[CAUSE] > 0.0
+        if trips and not latched:
+            g[CAUSE] = code
         fall = g[RAMP]
         if g[CAUSE] > 0.0:
             fall = (HASTE if g[CAUSE] == OVERSPEED else 1.0) * g[LATCHING]

@@ -8,6 +8,7 @@ from backdrive._jit import jit, ladder, leaf, part
 from backdrive.control import guard, readings
 from backdrive.control.compensators import compensator as compensator_
 from backdrive.control.estimators import external as external_
+from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators.level import learn
 from backdrive.control.table import (
     ANCHOR,
@@ -59,20 +60,17 @@ C = compensator_.ROW
 S = C + compensator_.STATES
 E = S + external_.ROW
 FIXED = E + external_.STATES
-GROWING, ESTIMATING, LEARNING = (
-    True,
-    True,
-    True,
-)  # a joint may have a law that grows, an estimator, a level that is learned
+#: A joint may have a law that grows, an estimator, a level that is learned.
+GROWING, ESTIMATING, LEARNING = True, True, True
+#: Every estimator has the friction of its compensator: one of the two is computed while both are in the same state.
+SHARING = False
 
 
 @jit
 def restart(c, x, s, ce, xe, se, g, q):
     """Reset a joint's state to rest at q."""
-    for k in range(x.size):
-        x[k] = 0.0
-    for k in range(xe.size):
-        xe[k] = 0.0
+    friction_.relax(c, compensator_.FRICTION, x)
+    friction_.relax(ce, external_.FRICTION, xe)
     compensator_.restart(c, 0, s, 0, q)
     external_.restart(ce, 0, se, 0, q)
     g[BEFORE] = g[ELSEWHERE] = g[ANCHOR] = q
@@ -83,14 +81,16 @@ def restart(c, x, s, ce, xe, se, g, q):
 
 @jit
 def stand(c, x, s, g, q, T):
-    """Count the time for which the encoder stands still; after the hold time the contact is relaxed."""
+    """Return whether the joint stands still, and count for how long; after the hold time the contact is relaxed."""
     if abs(q - g[ANCHOR]) > MOVED * g[COUNT]:
         g[ANCHOR], g[STILL] = q, 0.0
-    else:
-        before = g[STILL]
-        g[STILL] = before + T
-        if before < g[HOLD] <= before + T:
-            compensator_.relax(c, 0, x, s, 0)
+        return False
+    before, hold = g[STILL], g[HOLD]
+    still = before + T
+    g[STILL] = still
+    if before < hold <= still:
+        compensator_.relax(c, 0, x, s, 0)
+    return still >= STANDING * hold
 
 
 @jit
@@ -111,22 +111,27 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel'
     code = readings.judge(c, s, ce, se, g, q, dt)
     f, T, good = 0.0, g[SINCE], readings.valid(code)
     if good:
-        dp, u, level = q - g[BEFORE], g[APPLIED], g[LEVEL]
+        dp, u, level = q - g[BEFORE], g[APPLIED], g[LEVEL] if LEARNING else 1.0
         load, temp = (g[MOTOR], g[LOAD]), g[TEMPERATURE]
         if GROWING and g[GROWS] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # no load was given
             load = (u, -g[KNOWN] if g[KNOWN] != 0.0 else np.nan)
-        stand(c, x, s, g, q, T)
-        push, dither = compensator_.tick(
+        stands = stand(c, x, s, g, q, T)
+        shares = SHARING and friction_.coincide(x, s, 0, xe, se, external_.W)
+        push, dither, model = compensator_.advance(
             c, i, p, x, s, 0, q, dp, T, g[TIME], g[ERROR], g[SLOPE], u - g[KNOWN], load, temp,
             g[STILL] >= g[HOLD],
         )  # fmt: skip
-        stands = g[STILL] >= STANDING * g[HOLD]
         if stands:
             push *= share_at_rest(g)
         f = level * (push if dither == 0.0 else push + dither)
         tau_e, tau_f, total = 0.0, 0.0, f
         if ESTIMATING and g[ESTIMATES] > 0.0:
-            tau_e, tau_f = external_.tick(ce, 0, pe, xe, se, 0, q, dp, T, u, g[KNOWN], load, temp, level)
+            if shares:
+                se[external_.W], xe[0] = s[0], x[0]
+            else:
+                model = external_.friction_of(ce, 0, pe, xe, se, 0, dp, T, load, temp)
+            tau_f = level * model
+            tau_e = external_.force(ce, 0, se, 0, q, dp, T, u, g[KNOWN], tau_f)
             total = f + tau_e + tau_f
         if not np.isfinite(total):  # finite inputs, but the result overflows
             restart(c, x, s, ce, xe, se, g, q)

@@ -5,6 +5,8 @@ Inputs are written before the tick, outputs after it; settings are constant; the
 
 from __future__ import annotations
 
+from backdrive._jit import leaf, to_bits
+
 (
     # time and input of the tick
     NOMINAL, PASSED, SINCE, TIME, APPLIED, ERROR, SLOPE, KNOWN, MOTOR, LOAD, TEMPERATURE,
@@ -21,3 +23,9 @@ from __future__ import annotations
     ANCHOR, STILL, SLID,
 ) = range(56)  # fmt: skip
 TABLE = 56
+
+
+@leaf
+def raised(flag):
+    """Return whether a column that is 0 or positive is not 0; a comparison of bits costs half of one of numbers."""
+    return to_bits(flag) != 0

@@ -55,14 +55,21 @@ DITHERED, BEYOND = True, True  # there may be a dither, or something extra
 
 @ladder
 def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):  # noqa: PLR0913  (a kernel's row)
-    """Return the torque of one tick in two parts: the compensation, and the dither.
+    """Return the torque of one tick in two parts: the compensation, and the dither. The arguments are those of `advance`."""
+    push, wave, _ = advance(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle)
+    return push, wave
+
+
+@ladder
+def advance(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):  # noqa: PLR0913  (a kernel's row)
+    """Return the torque of one tick in two parts, the compensation and the dither, and the estimated friction.
 
     `c[i:]`: row. `p`, `x`: law and its state. `s[j:]`: state. q: encoder. dp: its increment. t: time. error, slope: reference
     minus position, and its rate. u: torque that acted since the last tick, minus gravity. `idle`: the extra torque is off, and
     the amplitude of the dither stays.
     """
     kind = int(c[i + EXTRA])
-    push, wave = 0.0, 0.0
+    push, wave, model = 0.0, 0.0, 0.0
     if not INSTEAD >> kind & 1:
         model = friction_.tick(c, i + FRICTION, p, x, s, j + 0, dp, dt, load, temp)
         push = c[i] * model
@@ -77,14 +84,13 @@ def tick(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle):  # 
         push += extra(
             kind, (c, i + EXTRA, c[i], p, x, s, j + S_EXTRA, q, dp, dt, error, slope, u, load, temp)
         )
-    return push, wave
+    return push, wave, model
 
 
 @jit
 def relax(c, i, x, s, j):
     """Relax the contact and reset the integrators, for a joint at rest. The dither continues."""
-    for k in range(x.size):
-        x[k] = 0.0
+    friction_.relax(c, i + FRICTION, x)
     learned = s[j + S_EXTRA + 1]
     for k in range(extras.STATES):
         s[j + S_EXTRA + k] = 0.0

@@ -105,6 +105,7 @@ KNOWN: dict[str, Method] = {m.name: m for m in globals().values() if isinstance(
 METHODS = tuple(KNOWN)
 
 estimate = choice({kind: m.kernel for kind, m in enumerate(KNOWN.values())}, direct)
+HEAVY = True  # a row may hold a torque of gravity
 PLACES = sum(m.places << kind for kind, m in enumerate(KNOWN.values()))
 
 
@@ -115,17 +116,23 @@ def tick(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):  # noqa: PLR
     `c[i:]`: row. `p`, `x`: friction law and its state. `s[j:]`: state. q: encoder. dp: its increment. u: torque that acted since
     the last tick. known: torque of gravity and of other joints that the row does not contain. level: factor on the friction.
     """
-    tau_f = level * friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
+    tau_f = level * friction_of(c, i, p, x, s, j, dp, dt, load, temp)
+    return force(c, i, s, j, q, dp, dt, u, known, tau_f), tau_f
+
+
+@ladder
+def friction_of(c, i, p, x, s, j, dp, dt, load, temp):
+    """Return the friction of one tick at level 1; the arguments are those of `tick`."""
+    return friction_.tick(c, i + FRICTION, p, x, s, j + W, dp, dt, load, temp)
+
+
+@ladder
+def force(c, i, s, j, q, dp, dt, u, known, tau_f):
+    """Return the external force of one tick from the friction tau_f; the other arguments are those of `tick`."""
     n = u - known - tau_f - c[i + OFFSET]
-    if c[i + 2] != 0.0 or c[i + 3] != 0.0:
+    if HEAVY and (c[i + 2] != 0.0 or c[i + 3] != 0.0):
         n -= c[i + 2] * sin(q) + c[i + 3] * cos(q)
-    return estimate(int(c[i]), (c, i, s, j, q, dp, dt, n)), tau_f
-
-
-@leaf
-def absent(c, i, p, x, s, j, q, dp, dt, u, known, load, temp, level):  # noqa: PLR0913  (a kernel's row)
-    """Return neither force nor friction: `tick` where no joint has an estimator."""
-    return 0.0, 0.0
+    return estimate(int(c[i]), (c, i, s, j, q, dp, dt, n))
 
 
 @jit

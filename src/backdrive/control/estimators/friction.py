@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf, to_bits
 from backdrive.errors import InvalidInput
 from backdrive.laws import Coulomb, DeadZone, Decaying, HaywardArmstrong, Law, kernels, with_element
 from backdrive.laws.base import Rate
@@ -50,6 +50,22 @@ def tick(c, i, p, x, s, j, dp, dt, load, temp):
     if LITERAL and c[i + 7] > 0.0:
         f = x[0] + bounds(int(c[i]), p, dp / dt, load, temp)[2]
     return f
+
+
+@leaf
+def coincide(x, s, j, other_x, other_s, other_j):
+    """Return whether two estimators whose law has a state of one number are in the same state, bit for bit."""
+    return to_bits(x[0]) == to_bits(other_x[0]) and to_bits(s[j]) == to_bits(other_s[other_j])
+
+
+@jit
+def relax(c, i, x):
+    """Reset the law to its state at rest; `c[i:]`: row."""
+    if kernels.ROWS >> int(c[i + 1]) & 1:
+        for k in range(x.size):
+            x[k] = 0.0
+    else:
+        x[0] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

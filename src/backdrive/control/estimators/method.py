@@ -1,4 +1,7 @@
-"""The definition of a method of the external-force estimator; each is defined beside its kernel and imported in `external`."""
+"""The definition of a method of the external-force estimator; each is defined beside its kernel and imported in `external`.
+
+And what stands for an estimator where there is none.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from backdrive._jit import leaf
+
 if TYPE_CHECKING:
     from backdrive.control.estimators.external import ExternalForce
+
+
+@leaf
+def no_friction(c, i, p, x, s, j, dp, dt, load, temp):
+    """Return no friction: `external.friction_of` where no joint has an estimator."""
+    return 0.0
+
+
+@leaf
+def no_force(c, i, s, j, q, dp, dt, u, known, tau_f):
+    """Return no force: `external.force` where no joint has an estimator."""
+    return 0.0
 
 
 @dataclass(frozen=True)

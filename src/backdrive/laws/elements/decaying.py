@@ -26,12 +26,14 @@ def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float)
     K, alpha = p[e], p[e + 1]
     left, yielding = 1.0 / (1.0 + alpha * dt), 1.0 / K  # in a loop over ticks both divisions are done once
     trial = (z + K * dp) * left
-    after, slid = trial, alpha * dt * yielding * trial
     if trial > hi and not hi < lo:  # branches can be predicted, so a tick need not wait for the last
-        after, slid = hi, dp - (hi - z) * yielding
+        after, slid = hi, between(dp - (hi - z) * yielding, dp)
     elif trial < lo or trial > hi:
         after, slid = lo, dp - (lo - z) * yielding
-    return after, after, slid if after == trial else between(slid, dp)
+        slid = slid if trial == lo else between(slid, dp)
+    else:
+        after, slid = trial, alpha * dt * yielding * trial
+    return after, after, slid
 
 
 @dataclass(frozen=True, kw_only=True)

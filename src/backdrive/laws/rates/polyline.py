@@ -62,13 +62,15 @@ def limits_of_one(p: Array, v: float, load: Pair, temp: float):
     N, F_p, F_n = int(p[1]) & MOST, p[2], p[3]
     speed, phi = abs(v), 0.0 * v
     i = 0
-    while i < N and speed >= p[4 + i]:
+    while i < N and speed >= p[5 + i]:  # two knots at a time, their number is even
+        i += 2
+    if i < N and speed >= p[4 + i]:
         i += 1
+    at = 4 + N + 3 * (i & MOST)  # the masks tell the compiler that no index is negative
     if v > 0.0:
-        at = 4 + N + 3 * i
         phi = p[at + 1] + p[at + 2] * (speed - p[at]) - F_p
     elif v < 0.0:
-        at = 7 + 4 * N + 3 * i
+        at += 3 * (N + 1)
         phi = F_n - (p[at + 1] + p[at + 2] * (speed - p[at]))
     return -F_n, F_p, phi
 
