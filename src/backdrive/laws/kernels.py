@@ -21,7 +21,7 @@ from backdrive._assembly import assemble
 from backdrive._jit import by_python, choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, absent, growth
-from backdrive.laws.base import MOST, Element, kernels_of
+from backdrive.laws.base import MOST, Rows, kernels_of
 from backdrive.laws.elements import none
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -31,8 +31,8 @@ CLOSE = 1e-14  # relative residual of the balance at which `solve` ends
 FASTEST = 1e100  # velocities are limited to this speed, so that nothing overflows [rad/s or m/s]
 
 
-def among(classes: Iterable[type[Element]]) -> int:
-    """Return the set of some elements, as the bits of an integer."""
+def among(classes: Iterable[type[Rows]]) -> int:
+    """Return the set of some laws, as the bits of an integer."""
     return sum(1 << kind for kind in {c.KIND for c in classes})
 
 
@@ -40,10 +40,11 @@ def among(classes: Iterable[type[Element]]) -> int:
 WIDE = [c for c in ELEMENTS.values() if c.STATE_ROW]
 MOVERS = [c for c in ELEMENTS.values() if c.SLIDER or c.ZONE]
 PLAIN = [c for c in ELEMENTS.values() if c not in WIDE and c not in MOVERS]
-#: Elements whose step hardly depends on the state: their files also have `ahead`, `follow` and `torque`.
+#: Elements whose step hardly depends on the state: their files also have `ahead`, `weight`, `follow` and `torque`.
 FOLLOWERS = [c for c in PLAIN if hasattr(sys.modules[c.__module__], "ahead")]
 FOLLOWS = among(FOLLOWERS)
 ROWS, MOVES, HOLDS = among(WIDE), among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
+DRIVES = among(c for c in RATES.values() if not c.RESISTS)  # rate laws whose viscous part may drive the joint
 MARKED = True  # a law may grow with the load or differ by direction: p[0] may hold a fraction
 curve = choice(kernels_of(RATES.values(), "limits"), absent.no_curve)
 #: Variants of rate laws for one velocity at a time; the others suit vector instructions. Both give the same numbers.
@@ -56,6 +57,7 @@ carry_row = choice(kernels_of(WIDE, "step"), absent.no_row)
 carry_moving = choice(kernels_of(MOVERS, "step"), absent.no_motion)
 carry_plain = choice(kernels_of(PLAIN, "step"), absent.no_torque)
 look_ahead = choice(kernels_of(FOLLOWERS, "ahead"), absent.nothing_ahead)
+weight = choice(kernels_of(FOLLOWERS, "weight"), absent.no_weight)
 follow = choice(kernels_of(FOLLOWERS, "follow"), absent.no_state)
 torque_of_states = choice(kernels_of(FOLLOWERS, "torque"), absent.no_torque_of_states)
 
@@ -151,7 +153,7 @@ def step_one(  # noqa: PLR0913  (a kernel's row)
 def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair, temp: float):
     """Bounds of an element at velocity v, and the viscous part. A viscous part that would drive narrows the bounds instead."""
     lo, hi, viscous = limits_of(rate, plain, p, v, load, temp)
-    if not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
+    if DRIVES >> rate & 1 and not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
         weaker = min(abs(viscous), hi if v > 0.0 else -lo)
         if v > 0.0:
             hi -= weaker
@@ -283,15 +285,24 @@ def parts(rates: Iterable[int], elements: Iterable[int] = (), plain: bool = Fals
         elements: kinds.
         plain: no law grows with the load or differs by direction.
     """
-    which, sets = sorted({int(kind) for kind in elements}), {"ROWS": ROWS, "MOVES": MOVES, "HOLDS": HOLDS}
-    result: dict[Any, Any] = {curve: tuple(sorted({int(kind) for kind in rates}))}
+    laws, which = (sorted({int(kind) for kind in kinds}) for kinds in (rates, elements))
+    sets = [("ROWS", ROWS, which), ("MOVES", MOVES, which), ("HOLDS", HOLDS, which), ("DRIVES", DRIVES, laws)]
+    result: dict[Any, Any] = {curve: tuple(laws)}
     if which:
-        elements_kernels = (carry_row, carry_moving, carry_plain, look_ahead, follow, torque_of_states)
+        elements_kernels = (
+            carry_row,
+            carry_moving,
+            carry_plain,
+            look_ahead,
+            weight,
+            follow,
+            torque_of_states,
+        )
         result |= {kernel: tuple(which) for kernel in elements_kernels}
-        for name, kinds in sets.items():
-            inside = {kinds >> kind & 1 for kind in which}
-            if len(inside) == 1:  # all bits or none, so that no kind has to be looked up
-                result[__name__, name] = -inside.pop()
+    for name, kinds, among_them in sets:
+        inside = {kinds >> kind & 1 for kind in among_them}
+        if len(inside) == 1:  # all bits or none, so that no kind has to be looked up
+            result[__name__, name] = -inside.pop()
     if plain:
         result[__name__, "MARKED"] = False
     return result
