@@ -165,7 +165,7 @@ def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair,
 
 
 @jit
-def solve(  # noqa: PLR0912  (a kernel calls little; its row)
+def solve(
     rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
 ):  # fmt: skip
     """Velocity of a mass after a step, implicit in the friction; `x` is not changed.
@@ -174,30 +174,54 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
     friction, v + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free. If friction jumps at rest (a slipping element of GMS, a
     bristle of the reset integrator after break-away), v may lie next to the jump. Call `step` with v dt to advance the state.
     """
+    return _balance(rate, element, p, x, v_free, dt, dt_over_m, load, temp)[0]
+
+
+@leaf
+def solve_step(
+    rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
+):  # fmt: skip
+    """Velocity that `solve` finds; the state is advanced in place, as `step` does with v dt."""
+    v, tried, z = _balance(rate, element, p, x, v_free, dt, dt_over_m, load, temp)
+    if HOLDS >> element & 1:
+        return v
+    if not (tried and v * dt / dt == v):
+        step(rate, element, p, x, v * dt, dt, load, temp)
+    elif ROWS >> element & 1:  # the last trial was this step
+        for i in range(x.size // 2):
+            x[i] = x[x.size // 2 + i]
+    else:
+        x[0] = z
+    return v
+
+
+@leaf
+def _balance(  # noqa: PLR0912  (a kernel calls little; its row)
+    rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
+):  # fmt: skip
+    """Velocity that `solve` finds, whether the last trial was at it, and the state after that trial where that is a number."""
     if not np.isfinite(v_free):
-        return np.nan
+        return np.nan, False, 0.0
     if HOLDS >> element & 1:
         lo, hi, _ = limits(rate, p, 0.0, load, temp)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
-            return 0.0
+            return 0.0, False, 0.0
     toward, close = 1.0 if v_free > 0.0 else -1.0, 0.0
     # a: a speed at which friction is too weak; b: a speed at which it is too strong, infinite until one is known
     a, excess_a, b, excess_b = 0.0, 0.0, np.inf, np.inf
     speed, growth_of_b, side = 0.0, 2.0, 0
     for k in range(-1, 3 * STEPS):
-        excess = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
+        excess, z = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
         if k < 0:  # at rest: the direction of motion, and a first speed
-            if excess == 0.0:
-                return 0.0
-            if not np.isfinite(excess):
-                return np.nan
+            if excess == 0.0 or not np.isfinite(excess):
+                return 0.0 if excess == 0.0 else np.nan, False, 0.0
             if excess > 0.0:
                 toward = -toward
             speed = abs(excess)
             excess_a, close = -speed, CLOSE * (abs(v_free) + speed)
             continue
         if abs(excess) <= close:
-            return toward * speed
+            return toward * speed, True, z
         if excess > 0.0:
             b, excess_b = speed, excess
             if side > 0:
@@ -217,7 +241,7 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
         speed = b - excess_b * (b - a) / (excess_b - excess_a) if k < 2 * STEPS else 0.5 * (a + b)
         if not a < speed < b:
             break
-    return toward * (b - excess_b * (b - a) / (excess_b - excess_a))
+    return toward * (b - excess_b * (b - a) / (excess_b - excess_a)), False, 0.0
 
 
 @ladder
@@ -225,23 +249,17 @@ def _excess(  # noqa: PLR0913  (a kernel's row)
     rate: int, element: int, p: Array, x: Array, speed: float, toward: float, v_free: float, dt: float, dt_over_m: float,
     load: Pair, temp: float,
 ):  # fmt: skip
-    """Residual of the balance at a trial speed, along the direction of motion."""
-    v = toward * speed
+    """Residual of the balance at a trial speed, along the direction of motion, and the state after it; a row stands in `x`."""
+    v, z = toward * speed, 0.0
+    at = slow(v)
     if HOLDS >> element & 1:
         lo, hi, viscous = limits(rate, p, v, load, temp)
         friction = (hi if toward > 0.0 else lo) + viscous
+    elif ROWS >> element & 1:
+        friction = step_at(rate, element, False, p, x, x[x.size // 2 :], at, at * dt, dt, load, temp)
     else:
-        friction = _try_step(rate, element, p, x, v, dt, load, temp)
-    return toward * (v + dt_over_m * friction - v_free)
-
-
-@ladder
-def _try_step(rate: int, element: int, p: Array, x: Array, v: float, dt: float, load: Pair, temp: float):
-    """Friction torque of a trial step at velocity v; if the state is a row, the next one is written behind it in `x`."""
-    v = slow(v)
-    if ROWS >> element & 1:
-        return step_at(rate, element, False, p, x, x[x.size // 2 :], v, v * dt, dt, load, temp)
-    return step_one(rate, element, False, p, begin(p), x[0], v, v * dt, dt, load, temp)[1]
+        z, friction = step_one(rate, element, False, p, begin(p), x[0], at, at * dt, dt, load, temp)
+    return toward * (v + dt_over_m * friction - v_free), z
 
 
 @jit
