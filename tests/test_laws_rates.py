@@ -11,6 +11,7 @@ from backdrive.laws import (
     M4,
     M5,
     M6,
+    RATES,
     CoulombViscous,
     Degressive,
     GearLoad,
@@ -133,3 +134,20 @@ def test_gear_load_holds_more_where_the_load_is_lifted_or_lowered(external):
     assert (lo, hi) == pytest.approx((-driven, driving) if external < 0.0 else (-driving, driven))
     sliding = [follow(law, [v], 1e-3, load=(0.0, external))[0] for v in (1.0, -1.0)]
     np.testing.assert_allclose(sliding, [2.6, -2.6])
+
+
+@pytest.mark.parametrize(
+    "rate", [rate for rate in RATES.values() if rate.RESISTS], ids=lambda rate: rate.NAME
+)
+def test_the_viscous_part_of_a_law_that_resists_never_drives(rate):
+    """For parameters anywhere within their bounds, under any load: then kernels need not look."""
+    random = np.random.default_rng(11)
+    for _ in range(20):
+        values = {}
+        for name, parameter in rate.PARAMETERS.items():
+            low, high = max(parameter.lower, -10.0), min(parameter.upper, 10.0)
+            values[name] = float(random.choice([low, random.uniform(low, high)]))
+        row = Law(rate=rate(**values)).row()
+        for v in VELOCITIES:
+            load, temperature = tuple(random.uniform(-9.0, 9.0, 2)), random.uniform(-20.0, 90.0)
+            assert not kernels.limits(rate.KIND, row, v, load, temperature)[2] * v < 0.0

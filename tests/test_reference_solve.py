@@ -509,6 +509,20 @@ def test_an_element_on_an_axis_is_advanced_by_what_the_axis_moved():
             assert v == pytest.approx(solved(law, law.state(), less, h, 1e-3), abs=1e-15)
 
 
+@pytest.mark.parametrize("name", ["lugre", "gms", "decaying", "leuven"])
+def test_the_last_trial_leaves_the_very_state_of_a_step(name):
+    """Whether the last trial is kept or stepped anew, which depends on how v dt/dt is rounded, no bit of the state shows."""
+    law, h, kept = Law(rate=CURVE, element=ELEMENT_EXAMPLES[name]), 1.0 / 3000.0, 0
+    x, y, n = law.state(), law.state(), max(law.element.states(), 1)
+    kinds = law.rate.KIND, law.element.KIND
+    for v_free in np.random.default_rng(5).uniform(-0.5, 0.5, 60):
+        v = implicit_velocity(*kinds, law.row(), x, v_free, h, 2.0 * h, 0.0, NONE, 20.0)
+        stepped(law, y, v * h, h)
+        kept += v * h / h == v
+        assert x[:n].tolist() == y[:n].tolist()
+    assert 0 < kept < 60
+
+
 def test_what_a_law_on_an_axis_sees_is_the_motors_torque_and_what_is_carried():
     """F = 1 + |K_m tau_m - K_e tau_e|: tau_m the drive's torque, tau_e the negative of what the transmission carries."""
     rate = RATE_EXAMPLES["m5"]

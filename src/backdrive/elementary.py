@@ -17,6 +17,7 @@ from math import factorial, inf, isqrt, nan
 import numpy as np
 
 from backdrive._jit import COMPILED, from_bits, leaf, to_bits
+from backdrive._jit_kept import kept
 
 BITS = 160  # of the integers that the tables are made with
 ONE, N = 1 << BITS, 128  # one in fixed point; entries of a table
@@ -25,7 +26,7 @@ SMALLEST = -708.0  # and of less 0: results below 2e-308 are no normal numbers
 FAR = -709.0  # exponent in its place: 2^k of it is 0
 MOST = 2.0**50  # angle beyond which sin and cos are NaN; beyond 1e6 they are as exact as the angle is [rad]
 NEAR = 0.125  # below which tanh is its series
-MAGIC, MAGIC_BITS = 6755399441055744.0, 0x4338000000000000  # 1.5 * 2^52: adding it rounds to an integer
+MAGIC_BITS = 0x4338000000000000  # of MAGIC, 1.5 * 2^52: adding it rounds to an integer
 LACK = 2.0**-64  # unit of what a power's double lacks, relative to it: at most 2^-54
 TINY = 2.2250738585072014e-308  # smallest normal number
 SPLIT = 134217729.0  # 2^27 + 1: parts a double into halves of 26 bits
@@ -99,22 +100,28 @@ POWERS = _table(_powers())
 LOGS = _table(
     [[*_parts(x - (LOG_2 if j >= UPPER else 0), 41), N / (N + j)] for j, x in enumerate(LOGARITHMS)]
 )
-BY_LOG_2 = _float((1 << 2 * BITS) // LOG_2)
 BY_STEP = _float((N << 2 * BITS) // LOG_2)
 STEP_HIGH, STEP_LOW = _parts(LOG_2 // N, 41)  # 17 bits of a count times 34 of the first are exact
-LOG_2_HIGH, LOG_2_LOW = _parts(LOG_2, 41)
-BY_HALF_PI = _float((ONE << BITS) // _half_pi())
-PI_1, PI_2, PI_3, PI_4 = _parts(_half_pi(), 32, 64, 96)
-S3, S5, S7, S9, S11, S13, S15, S17 = [(-1) ** (n // 2) / factorial(n) for n in range(3, 19, 2)]
-C4, C6, C8, C10, C12, C14, C16 = [(-1) ** (n // 2) / factorial(n) for n in range(4, 18, 2)]
-# of e^r for |r| <= log(2)/2 behind r^3/6: the largest error is the least (Remez, 1934), 6e-18
-E4, E5, E6, E7 = 0.04166666666661246, 0.008333333333391636, 0.0013888888923720985, 0.00019841269643900577
-E8, E9, E10, E11 = (
+MAGIC, BY_LOG_2, LOG_2_HIGH, LOG_2_LOW, HALF, SIXTH, E4, E5, E6, E7, E8, E9, E10, E11 = kept(
+    6755399441055744.0,
+    _float((1 << 2 * BITS) // LOG_2),
+    *_parts(LOG_2, 41),
+    0.5,
+    1.0 / 6.0,
+    # of e^r for |r| <= log(2)/2 behind r^3/6: the largest error is the least (Remez, 1934), 6e-18
+    0.04166666666661246,
+    0.008333333333391636,
+    0.0013888888923720985,
+    0.00019841269643900577,
     2.4801512218295423e-05,
     2.7557517548373976e-06,
     2.762388064715861e-07,
     2.5009202143917747e-08,
 )
+BY_HALF_PI = _float((ONE << BITS) // _half_pi())
+PI_1, PI_2, PI_3, PI_4 = _parts(_half_pi(), 32, 64, 96)
+S3, S5, S7, S9, S11, S13, S15, S17 = [(-1) ** (n // 2) / factorial(n) for n in range(3, 19, 2)]
+C4, C6, C8, C10, C12, C14, C16 = [(-1) ** (n // 2) / factorial(n) for n in range(4, 18, 2)]
 T3, T5, T7, T9 = -1 / 3, 2 / 15, -17 / 315, 62 / 2835
 T11, T13, T15, T17 = -1382 / 155925, 21844 / 6081075, -929569 / 638512875, 6404582 / 10854718875
 
@@ -190,8 +197,8 @@ def decay(x: float):
     high, low = y - count * LOG_2_HIGH, count * LOG_2_LOW  # the first exact
     r = high - low
     square = r * r
-    even = 0.5 + square * (E4 + square * (E6 + square * (E8 + square * E10)))
-    odd = 1.0 / 6.0 + square * (E5 + square * (E7 + square * (E9 + square * E11)))
+    even = HALF + square * (E4 + square * (E6 + square * (E8 + square * E10)))
+    odd = SIXTH + square * (E5 + square * (E7 + square * (E9 + square * E11)))
     return (1.0 + (high + (square * (even + r * odd) - low))) * power_of_two(wide)
 
 

@@ -16,7 +16,7 @@ the velocity that the mass would have without friction.
 
 from __future__ import annotations
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.elementary import cos, sin
 from backdrive.laws import growth, kernels
 
@@ -32,7 +32,7 @@ def gravity(j, q):
     return a * sin(q) + b * cos(q) + j[9]
 
 
-@jit
+@leaf
 def implicit_velocity(rate, element, p, x, v_free, h, dt_over_m, widening, load, temp):
     """Velocity of a mass after a step h under friction whose bounds are widened by `widening` >= 0."""
     shrinkage = dt_over_m * widening
@@ -42,10 +42,7 @@ def implicit_velocity(rate, element, p, x, v_free, h, dt_over_m, widening, load,
         v_free -= shrinkage
     else:
         v_free += shrinkage
-    v = kernels.solve(rate, element, p, x, v_free, h, dt_over_m, load, temp)
-    if element > 1:
-        kernels.step(rate, element, p, x, v * h, h, load, temp)
-    return v
+    return kernels.solve_step(rate, element, p, x, v_free, h, dt_over_m, load, temp)
 
 
 @jit
@@ -54,31 +51,30 @@ def advance(j, s, rate, element, p, x, u, h, temp):
 
     `rate`, `element`, `p`, `x` are the friction law and its state.
     """
-    M, L, K_c, D_c, rigid, on_load, mu = j[0], j[1], j[2], j[3], j[6], j[7], j[8]
+    M, L, K_c, D_c, mu = j[0], j[1], j[2], j[3], j[8]
+    rigid, on_load = j[6] > 0.0, j[7] > 0.0
     half = 0.5 * h
     load = (u, -s[4])
     widening = mu * growth.beyond(0.0, load)
-    w = s[1]
-    if rigid > 0.0:
-        middle = s[0] + half * w
-        g = gravity(j, middle)
-        dt_over_m = h / (M + L)
-        s[1] = implicit_velocity(
-            rate, element, p, x, w + dt_over_m * (u - g), h, dt_over_m, widening, load, temp
-        )
-        s[0] = middle + half * s[1]
-        s[2], s[3] = s[0], s[1]
-        s[4] = g + L * (s[1] - w) / h
-        return
-    v = s[3]
+    before, w, v = s[1], s[1], s[3]
     middle_p, middle_q = s[0] + half * w, s[2] + half * v
-    c = K_c * (middle_p - middle_q) + D_c * (w - v)
-    s[1] = w + h / M * (u - c)
-    s[3] = v + h / L * (c - gravity(j, middle_q))
-    if on_load > 0.0:
-        s[3] = implicit_velocity(rate, element, p, x, s[3], h, h / L, widening, load, temp)
+    g = gravity(j, middle_p if rigid else middle_q)
+    if rigid:
+        c, dt_over_m = 0.0, h / (M + L)
+        v_free = w + dt_over_m * (u - g)
     else:
-        s[1] = implicit_velocity(rate, element, p, x, s[1], h, h / M, widening, load, temp)
-    s[0] = middle_p + half * s[1]
-    s[2] = middle_q + half * s[3]
-    s[4] = c
+        c = K_c * (middle_p - middle_q) + D_c * (w - v)
+        w += h / M * (u - c)
+        v += h / L * (c - g)
+        v_free, dt_over_m = (v, h / L) if on_load else (w, h / M)
+    after = implicit_velocity(rate, element, p, x, v_free, h, dt_over_m, widening, load, temp)
+    if rigid:
+        w = v = after
+        c = g + L * (after - before) / h
+    elif on_load:
+        v = after
+    else:
+        w = after
+    s[1], s[3], s[4] = w, v, c
+    s[0] = middle_p + half * w
+    s[2] = s[0] if rigid else middle_q + half * v

@@ -16,12 +16,11 @@ import numpy as np
 
 from backdrive._assembly import put_in
 from backdrive._jit import specialise
-from backdrive.engine.loops import BLOCK
 from backdrive.laws import kernels
 
-TOGETHER = (
-    8  # lanes whose states advance side by side; their work arrays for one block fit the first-level cache
-)
+BLOCK = 128  # ticks
+ROW = BLOCK + 6  # not a power of two: reads would then wait for writes to addresses with the same last bits
+TOGETHER = 8  # lanes whose states advance side by side; their work arrays for one block hardly exceed the first-level cache
 
 
 def serves(element: int) -> bool:
@@ -35,12 +34,11 @@ def holds(element: int) -> bool:
 
 
 def work() -> tuple[np.ndarray, ...]:
-    """Return the work arrays of the loop: velocities of a block; for each lane the numbers of `ahead`, viscous part, state."""
-    size = (
-        TOGETHER,
-        BLOCK + 6,
-    )  # not a power of two: reads would then wait for writes to addresses with the same last bits
-    return (np.empty(BLOCK), *(np.zeros(size) for _ in range(4)), np.zeros((TOGETHER, BLOCK + 1)))
+    """Return the work arrays of the loop: velocities of a block; a row of each lane for `ahead`, `weight` and the state.
+
+    The rows of an array follow each other at a distance that the compiler knows.
+    """
+    return (np.empty(BLOCK), *(np.zeros(TOGETHER * ROW) for _ in range(4)))
 
 
 @cache
@@ -56,7 +54,7 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
         together: lanes of a group, at most TOGETHER.
     """
 
-    def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, S, Z, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
+    def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
         for first in range(0, which.size, together):
             count = min(together, which.size - first)
@@ -85,26 +83,32 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
                                 rate, element, plain, p, place, 0.0, V[k], d, dt, pair, t
                             )[1]
                         continue
-                    a, b, c, viscous = A[j], B[j], C[j], S[j]
-                    for k in range(moved.size):
-                        at, d = k if loads else 0, moved[k] if tame else kernels.within(V[k], moved[k], dt)
+                    row = j * ROW
+                    a, b, c = A[row : row + ROW], B[row : row + ROW], C[row : row + ROW]
+                    for k in range(moved.size):  # short loops, for each needs many registers
+                        at = k if loads else 0
                         pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
-                        lo, hi, viscous[k] = kernels.bounds(rate, element, plain, p, V[k], pair, t)
-                        a[k], b[k], c[k] = kernels.look_ahead(element, (p, place, lo, hi, d, dt))
-                    Z[j, 0] = X[i, 0]
+                        a[k], b[k], tau[k] = kernels.bounds(rate, element, plain, p, V[k], pair, t)
+                    for k in range(moved.size):
+                        d = moved[k] if tame else kernels.within(V[k], moved[k], dt)
+                        a[k], b[k] = kernels.look_ahead(element, (p, place, a[k], b[k], d))
+                    for k in range(moved.size):
+                        c[k] = kernels.weight(element, (p, place, V[k]))
+                    Z[row] = X[i, 0]
                 if kernels.HOLDS >> element & 1:
                     continue
                 for k in range(stop - start):
                     for j in range(together):
-                        Z[j, k + 1] = kernels.follow(element, (Z[j, k], A[j, k], B[j, k]))
+                        at = j * ROW + k
+                        Z[at + 1] = kernels.follow(element, (Z[at], A[at], B[at]))
                 for j in range(count):
                     i = which[first + j]
-                    p, place, z, c, viscous = P[i], 1 + int(P[i, 0]), Z[j], C[j], S[j]
+                    p, place, row = P[i], 1 + int(P[i, 0]), j * ROW
+                    z, c = Z[row : row + ROW], C[row : row + ROW]
                     tau = out[i, start:stop]
                     for k in range(tau.size):
                         tau[k] = (
-                            kernels.torque_of_states(element, (p, place, z[k], z[k + 1], c[k], dt))
-                            + viscous[k]
+                            kernels.torque_of_states(element, (p, place, z[k], z[k + 1], c[k], dt)) + tau[k]
                         )
                     X[i, 0] = z[tau.size]
 

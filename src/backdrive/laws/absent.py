@@ -33,9 +33,15 @@ def no_motion(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: f
 
 
 @leaf
-def nothing_ahead(p: Array, e: int, lo: float, hi: float, dp: float, dt: float):
+def nothing_ahead(p: Array, e: int, lo: float, hi: float, dp: float):
     """`ahead` of an element that does not offer it."""
-    return np.nan, np.nan, np.nan
+    return np.nan, np.nan
+
+
+@leaf
+def no_weight(p: Array, e: int, v: float):
+    """`weight` of an element that does not offer it."""
+    return np.nan
 
 
 @leaf

@@ -180,6 +180,7 @@ class Rate(Rows):
         TIES: parameters that a fit cannot separate from a constant torque. If such a torque is fitted, each
             takes the value of the parameter named here.
         NEEDS: inputs besides the velocity: `load`, `temperature`, both or none.
+        RESISTS: the viscous part never drives the joint, whatever the parameters within their bounds: kernels need not look.
         MARK: fraction added to p[0], the size of the row, as a mark for the kernels.
     """
 
@@ -188,6 +189,7 @@ class Rate(Rows):
     MARK: ClassVar[float] = 0.0
     TIES: ClassVar[dict[str, str]] = {}
     NEEDS: ClassVar[tuple[str, ...]] = ()
+    RESISTS: ClassVar[bool] = False
 
     def span(
         self, load: tuple[float, float] = (0.0, 0.0), temperature: float = 20.0
@@ -247,8 +249,8 @@ class Element(Rows):
             or ZONE, `step` also returns the motion that the viscous part uses.
 
     Often most of a step does not depend on the state. The element's file may then offer for this part
-    `ahead(p, e, lo, hi, dp, dt) -> a, b, c`, with `follow(z, a, b) -> after` and `torque(p, e, z, after, c, dt)`, and compose
-    `step` from these. Loops then evaluate `ahead` for several ticks at once.
+    `ahead(p, e, lo, hi, dp) -> a, b` and `weight(p, e, v) -> c`, with `follow(z, a, b) -> after` and
+    `torque(p, e, z, after, c, dt)`, and compose `step` from these. Loops then evaluate the first two for several ticks at once.
     """
 
     SLIDER: ClassVar[bool] = False

@@ -21,7 +21,7 @@ from backdrive._assembly import assemble
 from backdrive._jit import by_python, choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, absent, growth
-from backdrive.laws.base import MOST, Element, kernels_of
+from backdrive.laws.base import MOST, Rows, kernels_of
 from backdrive.laws.elements import none
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -31,8 +31,8 @@ CLOSE = 1e-14  # relative residual of the balance at which `solve` ends
 FASTEST = 1e100  # velocities are limited to this speed, so that nothing overflows [rad/s or m/s]
 
 
-def among(classes: Iterable[type[Element]]) -> int:
-    """Return the set of some elements, as the bits of an integer."""
+def among(classes: Iterable[type[Rows]]) -> int:
+    """Return the set of some laws, as the bits of an integer."""
     return sum(1 << kind for kind in {c.KIND for c in classes})
 
 
@@ -40,10 +40,11 @@ def among(classes: Iterable[type[Element]]) -> int:
 WIDE = [c for c in ELEMENTS.values() if c.STATE_ROW]
 MOVERS = [c for c in ELEMENTS.values() if c.SLIDER or c.ZONE]
 PLAIN = [c for c in ELEMENTS.values() if c not in WIDE and c not in MOVERS]
-#: Elements whose step hardly depends on the state: their files also have `ahead`, `follow` and `torque`.
+#: Elements whose step hardly depends on the state: their files also have `ahead`, `weight`, `follow` and `torque`.
 FOLLOWERS = [c for c in PLAIN if hasattr(sys.modules[c.__module__], "ahead")]
 FOLLOWS = among(FOLLOWERS)
 ROWS, MOVES, HOLDS = among(WIDE), among(MOVERS), among(c for c in ELEMENTS.values() if c.SET_VALUED)
+DRIVES = among(c for c in RATES.values() if not c.RESISTS)  # rate laws whose viscous part may drive the joint
 MARKED = True  # a law may grow with the load or differ by direction: p[0] may hold a fraction
 curve = choice(kernels_of(RATES.values(), "limits"), absent.no_curve)
 #: Variants of rate laws for one velocity at a time; the others suit vector instructions. Both give the same numbers.
@@ -56,6 +57,7 @@ carry_row = choice(kernels_of(WIDE, "step"), absent.no_row)
 carry_moving = choice(kernels_of(MOVERS, "step"), absent.no_motion)
 carry_plain = choice(kernels_of(PLAIN, "step"), absent.no_torque)
 look_ahead = choice(kernels_of(FOLLOWERS, "ahead"), absent.nothing_ahead)
+weight = choice(kernels_of(FOLLOWERS, "weight"), absent.no_weight)
 follow = choice(kernels_of(FOLLOWERS, "follow"), absent.no_state)
 torque_of_states = choice(kernels_of(FOLLOWERS, "torque"), absent.no_torque_of_states)
 
@@ -151,7 +153,7 @@ def step_one(  # noqa: PLR0913  (a kernel's row)
 def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair, temp: float):
     """Bounds of an element at velocity v, and the viscous part. A viscous part that would drive narrows the bounds instead."""
     lo, hi, viscous = limits_of(rate, plain, p, v, load, temp)
-    if not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
+    if DRIVES >> rate & 1 and not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
         weaker = min(abs(viscous), hi if v > 0.0 else -lo)
         if v > 0.0:
             hi -= weaker
@@ -163,7 +165,7 @@ def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair,
 
 
 @jit
-def solve(  # noqa: PLR0912  (a kernel calls little; its row)
+def solve(
     rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
 ):  # fmt: skip
     """Velocity of a mass after a step, implicit in the friction; `x` is not changed.
@@ -172,30 +174,54 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
     friction, v + dt/m (gsgn(lo, v, hi) + viscous(v)) contains v_free. If friction jumps at rest (a slipping element of GMS, a
     bristle of the reset integrator after break-away), v may lie next to the jump. Call `step` with v dt to advance the state.
     """
+    return _balance(rate, element, p, x, v_free, dt, dt_over_m, load, temp)[0]
+
+
+@leaf
+def solve_step(
+    rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
+):  # fmt: skip
+    """Velocity that `solve` finds; the state is advanced in place, as `step` does with v dt."""
+    v, tried, z = _balance(rate, element, p, x, v_free, dt, dt_over_m, load, temp)
+    if HOLDS >> element & 1:
+        return v
+    if not (tried and v * dt / dt == v):
+        step(rate, element, p, x, v * dt, dt, load, temp)
+    elif ROWS >> element & 1:  # the last trial was this step
+        for i in range(x.size // 2):
+            x[i] = x[x.size // 2 + i]
+    else:
+        x[0] = z
+    return v
+
+
+@leaf
+def _balance(  # noqa: PLR0912  (a kernel calls little; its row)
+    rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
+):  # fmt: skip
+    """Velocity that `solve` finds, whether the last trial was at it, and the state after that trial where that is a number."""
     if not np.isfinite(v_free):
-        return np.nan
+        return np.nan, False, 0.0
     if HOLDS >> element & 1:
         lo, hi, _ = limits(rate, p, 0.0, load, temp)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
-            return 0.0
+            return 0.0, False, 0.0
     toward, close = 1.0 if v_free > 0.0 else -1.0, 0.0
     # a: a speed at which friction is too weak; b: a speed at which it is too strong, infinite until one is known
     a, excess_a, b, excess_b = 0.0, 0.0, np.inf, np.inf
     speed, growth_of_b, side = 0.0, 2.0, 0
     for k in range(-1, 3 * STEPS):
-        excess = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
+        excess, z = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
         if k < 0:  # at rest: the direction of motion, and a first speed
-            if excess == 0.0:
-                return 0.0
-            if not np.isfinite(excess):
-                return np.nan
+            if excess == 0.0 or not np.isfinite(excess):
+                return 0.0 if excess == 0.0 else np.nan, False, 0.0
             if excess > 0.0:
                 toward = -toward
             speed = abs(excess)
             excess_a, close = -speed, CLOSE * (abs(v_free) + speed)
             continue
         if abs(excess) <= close:
-            return toward * speed
+            return toward * speed, True, z
         if excess > 0.0:
             b, excess_b = speed, excess
             if side > 0:
@@ -215,7 +241,7 @@ def solve(  # noqa: PLR0912  (a kernel calls little; its row)
         speed = b - excess_b * (b - a) / (excess_b - excess_a) if k < 2 * STEPS else 0.5 * (a + b)
         if not a < speed < b:
             break
-    return toward * (b - excess_b * (b - a) / (excess_b - excess_a))
+    return toward * (b - excess_b * (b - a) / (excess_b - excess_a)), False, 0.0
 
 
 @ladder
@@ -223,23 +249,17 @@ def _excess(  # noqa: PLR0913  (a kernel's row)
     rate: int, element: int, p: Array, x: Array, speed: float, toward: float, v_free: float, dt: float, dt_over_m: float,
     load: Pair, temp: float,
 ):  # fmt: skip
-    """Residual of the balance at a trial speed, along the direction of motion."""
-    v = toward * speed
+    """Residual of the balance at a trial speed, along the direction of motion, and the state after it; a row stands in `x`."""
+    v, z = toward * speed, 0.0
+    at = slow(v)
     if HOLDS >> element & 1:
         lo, hi, viscous = limits(rate, p, v, load, temp)
         friction = (hi if toward > 0.0 else lo) + viscous
+    elif ROWS >> element & 1:
+        friction = step_at(rate, element, False, p, x, x[x.size // 2 :], at, at * dt, dt, load, temp)
     else:
-        friction = _try_step(rate, element, p, x, v, dt, load, temp)
-    return toward * (v + dt_over_m * friction - v_free)
-
-
-@ladder
-def _try_step(rate: int, element: int, p: Array, x: Array, v: float, dt: float, load: Pair, temp: float):
-    """Friction torque of a trial step at velocity v; if the state is a row, the next one is written behind it in `x`."""
-    v = slow(v)
-    if ROWS >> element & 1:
-        return step_at(rate, element, False, p, x, x[x.size // 2 :], v, v * dt, dt, load, temp)
-    return step_one(rate, element, False, p, begin(p), x[0], v, v * dt, dt, load, temp)[1]
+        z, friction = step_one(rate, element, False, p, begin(p), x[0], at, at * dt, dt, load, temp)
+    return toward * (v + dt_over_m * friction - v_free), z
 
 
 @jit
@@ -283,15 +303,24 @@ def parts(rates: Iterable[int], elements: Iterable[int] = (), plain: bool = Fals
         elements: kinds.
         plain: no law grows with the load or differs by direction.
     """
-    which, sets = sorted({int(kind) for kind in elements}), {"ROWS": ROWS, "MOVES": MOVES, "HOLDS": HOLDS}
-    result: dict[Any, Any] = {curve: tuple(sorted({int(kind) for kind in rates}))}
+    laws, which = (sorted({int(kind) for kind in kinds}) for kinds in (rates, elements))
+    sets = [("ROWS", ROWS, which), ("MOVES", MOVES, which), ("HOLDS", HOLDS, which), ("DRIVES", DRIVES, laws)]
+    result: dict[Any, Any] = {curve: tuple(laws)}
     if which:
-        elements_kernels = (carry_row, carry_moving, carry_plain, look_ahead, follow, torque_of_states)
+        elements_kernels = (
+            carry_row,
+            carry_moving,
+            carry_plain,
+            look_ahead,
+            weight,
+            follow,
+            torque_of_states,
+        )
         result |= {kernel: tuple(which) for kernel in elements_kernels}
-        for name, kinds in sets.items():
-            inside = {kinds >> kind & 1 for kind in which}
-            if len(inside) == 1:  # all bits or none, so that no kind has to be looked up
-                result[__name__, name] = -inside.pop()
+    for name, kinds, among_them in sets:
+        inside = {kinds >> kind & 1 for kind in among_them}
+        if len(inside) == 1:  # all bits or none, so that no kind has to be looked up
+            result[__name__, name] = -inside.pop()
     if plain:
         result[__name__, "MARKED"] = False
     return result

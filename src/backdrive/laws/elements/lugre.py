@@ -39,15 +39,20 @@ def damping(sigma_1: float, v_d: float, v: float):
 
 
 @leaf
-def ahead(p: Array, e: int, lo: float, hi: float, dp: float, dt: float):
-    """Numbers of a tick that do not depend on the state: reach and part, which give the next state, and the damping."""
-    sigma_0, sigma_1, v_d = p[e], p[e + 1], p[e + 2]
-    reach = sigma_0 * dp
+def weight(p: Array, e: int, v: float):
+    """Damping of the bristle at velocity v, from the row."""
+    return damping(p[e + 1], p[e + 2], v)
+
+
+@leaf
+def ahead(p: Array, e: int, lo: float, hi: float, dp: float):
+    """Numbers of a tick that do not depend on the state and give the next one: reach and part."""
+    reach = p[e] * dp
     s = hi if dp > 0.0 else lo
     part = s / (s + reach + TINY)
     if not part > 1e-16:  # where reach may overflow, or s is 0
         reach, part = 1e150 * s, 1e-150  # the state becomes s
-    return reach, part, damping(sigma_1, v_d, dp / dt)
+    return reach, part
 
 
 @leaf
@@ -65,9 +70,9 @@ def torque(p: Array, e: int, z: float, after: float, damping: float, dt: float):
 @leaf
 def step(p: Array, e: int, z: float, lo: float, hi: float, dp: float, dt: float):
     """State and torque after one tick; the state is sigma_0 z."""
-    reach, part, damping = ahead(p, e, lo, hi, dp, dt)
+    reach, part = ahead(p, e, lo, hi, dp)
     after = follow(z, reach, part)
-    return after, torque(p, e, z, after, damping, dt)
+    return after, torque(p, e, z, after, weight(p, e, dp / dt), dt)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,6 +40,7 @@ class Coulomb(Rate):
 
     NAME: ClassVar[str] = "coulomb"
     KIND: ClassVar[int] = 0
+    RESISTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": Parameter(
             symbol="F",
@@ -74,6 +75,7 @@ class CoulombViscous(Rate):
     NAME: ClassVar[str] = "coulomb-viscous"
     WORDS: ClassVar[str] = "Coulomb and viscous, by direction"
     KIND: ClassVar[int] = 0
+    RESISTS: ClassVar[bool] = True
     SYMMETRIC: ClassVar[bool] = False
     TIES: ClassVar[dict[str, str]] = {"coulomb_negative": "coulomb_positive"}
     PARAMETERS: ClassVar[dict[str, Parameter]] = {

@@ -45,6 +45,7 @@ class Degressive(Rate):
 
     NAME: ClassVar[str] = "degressive"
     KIND: ClassVar[int] = 7
+    RESISTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": Parameter(
             symbol="F",

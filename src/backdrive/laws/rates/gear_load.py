@@ -58,6 +58,7 @@ class GearLoad(Rate):
 
     NAME: ClassVar[str] = "gear-load"
     KIND: ClassVar[int] = 10
+    RESISTS: ClassVar[bool] = True
     NEEDS: ClassVar[tuple[str, ...]] = ("load",)
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": Parameter(

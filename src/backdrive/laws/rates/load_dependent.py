@@ -105,6 +105,7 @@ class LoadDependent(Rate):
     """Base of M1 to M6: one row of eleven numbers, with neutral values for those that a law lacks."""
 
     KIND: ClassVar[int] = 8
+    RESISTS: ClassVar[bool] = True
     NEEDS: ClassVar[tuple[str, ...]] = ("load",)
 
     def row(self) -> np.ndarray:

@@ -69,6 +69,7 @@ class LoadTemperature(Rate):
 
     NAME: ClassVar[str] = "load-temperature"
     KIND: ClassVar[int] = 9
+    RESISTS: ClassVar[bool] = True
     NEEDS: ClassVar[tuple[str, ...]] = ("load", "temperature")
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": Parameter(symbol="F_c0", unit="force", lower=0.0, log=True, start=lambda d: d.coulomb),

@@ -39,6 +39,7 @@ class StribeckLorentz(Rate):
 
     NAME: ClassVar[str] = "stribeck-lorentz"
     KIND: ClassVar[int] = 4
+    RESISTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = COMMON
     EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0)
 

@@ -90,6 +90,7 @@ class StribeckTustin(Rate):
 
     NAME: ClassVar[str] = "stribeck-tustin"
     KIND: ClassVar[int] = 3
+    RESISTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "coulomb": COMMON["coulomb"],
         "breakaway": COMMON["breakaway"],

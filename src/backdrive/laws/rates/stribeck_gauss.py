@@ -40,6 +40,7 @@ class StribeckGauss(Rate):
 
     NAME: ClassVar[str] = "stribeck-gauss"
     KIND: ClassVar[int] = 2
+    RESISTS: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = COMMON
     EXAMPLE: ClassVar[dict[str, Any]] = dict(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0)
 
