@@ -70,7 +70,7 @@ def fitted_line(logs):
     given = {"dynamic": True, "gravity": False, "model_torque": False, "both_directions": True}
     shapes = curves.from_speed(knots, motion_bins.slowest_sliding(stretches, knots))
     full = design.candidates(knots, {"": knots[list(shapes["5 sections"])]}, **given)[-1].with_term("jerk")
-    seconds = 0.05  # a period of the low pass at 20 Hz
+    seconds = 0.035  # 0.7 periods of the low pass at 20 Hz
     (option,) = design.candidates(knots, {"line": knots[[0, -1]]}, symmetric=True, **given)
     slip = seek_slip(stretches, knots, full, seconds)
     slip = seek_slip(stretches, knots, option.with_term("jerk"), seconds, slip.delay)
