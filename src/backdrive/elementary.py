@@ -17,7 +17,7 @@ from math import factorial, inf, isqrt, nan
 import numpy as np
 
 from backdrive._jit import COMPILED, from_bits, leaf, to_bits
-from backdrive._jit_kept import kept
+from backdrive._jit_memory import in_memory
 
 BITS = 160  # of the integers that the tables are made with
 ONE, N = 1 << BITS, 128  # one in fixed point; entries of a table
@@ -102,21 +102,13 @@ LOGS = _table(
 )
 BY_STEP = _float((N << 2 * BITS) // LOG_2)
 STEP_HIGH, STEP_LOW = _parts(LOG_2 // N, 41)  # 17 bits of a count times 34 of the first are exact
-MAGIC, BY_LOG_2, LOG_2_HIGH, LOG_2_LOW, HALF, SIXTH, E4, E5, E6, E7, E8, E9, E10, E11 = kept(
-    6755399441055744.0,
-    _float((1 << 2 * BITS) // LOG_2),
-    *_parts(LOG_2, 41),
-    0.5,
-    1.0 / 6.0,
-    # of e^r for |r| <= log(2)/2 behind r^3/6: the largest error is the least (Remez, 1934), 6e-18
-    0.04166666666661246,
-    0.008333333333391636,
-    0.0013888888923720985,
-    0.00019841269643900577,
-    2.4801512218295423e-05,
-    2.7557517548373976e-06,
-    2.762388064715861e-07,
-    2.5009202143917747e-08,
+# of e^r for |r| <= log(2)/2 behind r^3/6: the largest error is the least (Remez, 1934), 6e-18
+SERIES = (
+    0.04166666666661246, 0.008333333333391636, 0.0013888888923720985, 0.00019841269643900577,
+    2.4801512218295423e-05, 2.7557517548373976e-06, 2.762388064715861e-07, 2.5009202143917747e-08,
+)  # fmt: skip
+MAGIC, BY_LOG_2, LOG_2_HIGH, LOG_2_LOW, HALF, SIXTH, E4, E5, E6, E7, E8, E9, E10, E11 = in_memory(
+    6755399441055744.0, _float((1 << 2 * BITS) // LOG_2), *_parts(LOG_2, 41), 0.5, 1.0 / 6.0, *SERIES
 )
 BY_HALF_PI = _float((ONE << BITS) // _half_pi())
 PI_1, PI_2, PI_3, PI_4 = _parts(_half_pi(), 32, 64, 96)

@@ -45,7 +45,7 @@ from backdrive.control.table import (
     STOP,
     TOP,
     TORQUE,
-    raised,
+    is_set,
 )  # fmt: skip
 from backdrive.status import Status
 
@@ -112,7 +112,7 @@ def act(g, code, good, wanted, since, interval):
     """
     passed, trips = g[PASSED], False
     if good:
-        if raised(g[FAULTY]):
+        if is_set(g[FAULTY]):
             g[FAULTY] = max(g[FAULTY] - FORGIVEN * passed, 0.0)
             trips = code != OK and g[FAULTY] > g[PATIENCE]
         g[BAD] = 0.0
@@ -126,7 +126,7 @@ def act(g, code, good, wanted, since, interval):
         g[EXTERNAL] /= fading
         trips = code == OVERSPEED or g[FAULTY] > g[PATIENCE]
     out, limit, cap = g[TORQUE], g[LIMIT], g[CAP]
-    if trips or raised(g[CAUSE]) or raised(g[STOP]):
+    if trips or is_set(g[CAUSE]) or is_set(g[STOP]):
         latched = g[CAUSE] > 0.0
         if trips and not latched:
             g[CAUSE] = code

@@ -42,7 +42,7 @@ from backdrive.control.table import (
     TIME,
     TOP,
     ZERO,
-    raised,
+    is_set,
 )  # fmt: skip
 from backdrive.status import Status
 
@@ -77,7 +77,7 @@ def possible(g, distance, time):
 @jit
 def follows(c, s, ce, se, g, q, passed):
     """Return whether a reading is near the one before it, after a jump. If this lasts, the encoder's zero is shifted."""
-    if not raised(g[PENDING]) or not possible(g, q - g[ELSEWHERE], passed):
+    if not is_set(g[PENDING]) or not possible(g, q - g[ELSEWHERE], passed):
         return False
     g[ELSEWHERE] = q
     g[SETTLED] += passed
@@ -118,7 +118,7 @@ def judge(c, s, ce, se, g, q, dt):
     g[PASSED] = passed
     g[TIME] += passed
     g[SINCE] += missed
-    if not raised(g[BEGUN]) and np.isfinite(q):
+    if not is_set(g[BEGUN]) and np.isfinite(q):
         shift(c, s, ce, se, g, q - g[BEFORE])
         g[BEGUN], g[SINCE], g[ZERO] = True, passed, 0.0
     if code == BAD_INTERVAL:

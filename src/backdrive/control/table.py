@@ -26,6 +26,6 @@ TABLE = 56
 
 
 @leaf
-def raised(flag):
+def is_set(flag):
     """Return whether a column that is 0 or positive is not 0; a comparison of bits costs half of one of numbers."""
     return to_bits(flag) != 0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from backdrive import elementary
-from backdrive.control.table import raised
+from backdrive.control.table import is_set
 from backdrive.export.code import Assign, declare, lines, merge, prune, reads, walk
 from backdrive.export.expressions import DEAD, number_of
 from backdrive.export.function import Function
@@ -165,7 +165,7 @@ class Body(Results):
             parts = [self.spelling.scalar(a, REAL) for a in arguments]
             text = f"{name}({', '.join(p.text for p in parts)})"
             return self.spelling.join(text, REAL, PRIMARY, parts)
-        if function is raised:
+        if function is is_set:
             return self.compare(ast.Gt, arguments[0], Const(0.0))
         function = ONE_AT_A_TIME.get(function, function)
         if function in CASTS:

@@ -15,14 +15,14 @@ from typing import Any
 from backdrive._jit import COMPILED
 
 
-class Kept(float):
+class Coefficient(float):
     """A number of a table in memory."""
 
     table: tuple[float, ...]
     place: int
 
 
-def kept(*numbers: float) -> list[float]:
+def in_memory(*numbers: float) -> list[float]:
     """Return numbers that compiled code reads from memory; for everything else they are floats.
 
     Args:
@@ -32,7 +32,7 @@ def kept(*numbers: float) -> list[float]:
         return list(numbers)
     result: list[float] = []
     for place, value in enumerate(numbers):
-        number = Kept(value)
+        number = Coefficient(value)
         number.table, number.place = numbers, place
         result.append(number)
     return result
@@ -47,30 +47,30 @@ def _teach() -> None:
     from numba.core.typeconv.castgraph import Conversion
     from numba.extending import models, register_model, typeof_impl
 
-    class KeptType(types.Type):
+    class CoefficientType(types.Type):
         def can_convert_to(self, typingctx, other):
             return Conversion.safe if other == float64 else None
 
-    kind = KeptType(name="kept")
+    kind = CoefficientType(name="coefficient")
 
-    @register_model(KeptType)
+    @register_model(CoefficientType)
     class _(models.PrimitiveModel):
         def __init__(self, dmm, fe_type):
             super().__init__(dmm, fe_type, ir.DoubleType())
 
-    @typeof_impl.register(Kept)
+    @typeof_impl.register(Coefficient)
     def _(value, context):
         return kind
 
-    @lower_cast(KeptType, types.Float)
+    @lower_cast(CoefficientType, types.Float)
     def _(context, builder, fromty, toty, value):
         return value
 
-    @lower_constant(KeptType)
+    @lower_constant(CoefficientType)
     def _(context, builder, ty, number):
         table = number.table
         bits = struct.pack(f"<{len(table)}d", *table)
-        name = f"backdrive_kept_{hashlib.sha256(bits).hexdigest()[:16]}"
+        name = f"backdrive_memory_{hashlib.sha256(bits).hexdigest()[:16]}"
         held: Any = builder.module.globals.get(name)
         if held is None:
             content = ir.ArrayType(ir.DoubleType(), len(table))
