@@ -69,8 +69,8 @@ SHARING = False
 @jit
 def restart(c, x, s, ce, xe, se, g, q):
     """Reset a joint's state to rest at q."""
-    friction_.relax(c, compensator_.FRICTION, x)
-    friction_.relax(ce, external_.FRICTION, xe)
+    friction_.relax(x)
+    friction_.relax(xe)
     compensator_.restart(c, 0, s, 0, q)
     external_.restart(ce, 0, se, 0, q)
     g[BEFORE] = g[ELSEWHERE] = g[ANCHOR] = q

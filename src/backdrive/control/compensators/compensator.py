@@ -90,7 +90,7 @@ def advance(c, i, p, x, s, j, q, dp, dt, t, error, slope, u, load, temp, idle): 
 @jit
 def relax(c, i, x, s, j):
     """Relax the contact and reset the integrators, for a joint at rest. The dither continues."""
-    friction_.relax(c, i + FRICTION, x)
+    friction_.relax(x)
     learned = s[j + S_EXTRA + 1]
     for k in range(extras.STATES):
         s[j + S_EXTRA + k] = 0.0
