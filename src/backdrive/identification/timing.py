@@ -14,12 +14,13 @@ from typing import Literal
 import numpy as np
 
 from backdrive.identification import curves, regression
-from backdrive.identification.motion_bins import bin_means
+from backdrive.identification.motion_bins import bin_means, bin_time
+from backdrive.identification.noise import covariance_of_fit
 from backdrive.identification.signals import Signals
 
 Timing = Literal["command", "sample"]
 NEAR = 0.25  # largest distance of a delay from that of a command (-0.5) or a sample (0) [sampling interval]
-SURE = 0.15  # largest standard error of a delay that decides the timing [sampling interval]
+FAR = 3.0  # least distance of a delay from that of the other one [standard error]
 
 
 def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, float]:
@@ -29,7 +30,7 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
         stretches: of one joint, at one sampling rate.
 
     Returns:
-        `command`, `sample`, or None if the inertia does not determine it; the delay of the torque behind the motion and its
+        `command`, `sample`, or None if the inertia does not rule out one of them; the delay of the torque behind the motion and its
         standard error [s].
     """
     speeds = np.concatenate([np.abs(s.velocity[s.moving]) for s in stretches])
@@ -38,18 +39,23 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     knots = float(np.percentile(speeds, 99.9)) * np.array(
         [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
     )
-    blocks = bin_means(stretches, knots, _means).equations()
+    bins = bin_means(stretches, knots, _means, bin_time(stretches, None))
+    blocks = bins.equations()
     theta = blocks.solution()
     if not theta[0] > 0:
         return None, float("nan"), float("nan")
     delay = float(theta[1] / theta[0])
-    error = float(np.sqrt(max(regression.sandwich(blocks, theta)[1, 1], 0.0)) / theta[0])
+    coloured = covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)[1, 1]
+    of_blocks = regression.sandwich(blocks, theta)[
+        1, 1
+    ]  # larger where the noise moves the joint, and the servo answers
+    error = float(np.sqrt(max(coloured, of_blocks, 0.0)) / theta[0])
     period = 1.0 / stretches[0].rate
-    if error < SURE * period:
-        if abs(delay + 0.5 * period) <= NEAR * period:
-            return "command", delay, error
-        if abs(delay) <= NEAR * period:
-            return "sample", delay, error
+    to_command, to_sample = abs(delay + 0.5 * period), abs(delay)
+    if to_command <= NEAR * period and to_sample > FAR * error:
+        return "command", delay, error
+    if to_sample <= NEAR * period and to_command > FAR * error:
+        return "sample", delay, error
     return None, delay, error
 
 
