@@ -2,19 +2,82 @@
 
 from __future__ import annotations
 
-from functools import cache
+import ctypes
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache, wraps
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
-LARGEST = 1 << 23  # size of the largest array whose memory is kept [byte]
+LARGEST = 1 << 23  # size of the largest array whose memory is always kept [byte]
+BY_ITSELF = (
+    1 << 25
+)  # size of the largest array whose memory glibc keeps without being asked, once one was freed [byte]
+MOST = 1 << 30  # size of the largest array whose memory is kept for a long log [byte]
+TIMES = 4  # size of the largest array that is made of a log, by that of one channel [-]
+TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt(3)
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def with_free_memory(function: Callable[P, R]) -> Callable[P, R]:
+    """Decorate a function of logs, so that the C library keeps the memory of freed arrays for the next ones.
+
+    Otherwise glibc returns that of each array above 128 kB to the system, which hands it out again page by page, emptied. For
+    arrays of up to 8 MB it goes on to keep it afterwards, at most twice as much without use; what was kept for longer logs is
+    returned. Where the C library is another one, this has no effect.
+    """
+
+    @wraps(function)
+    def run(*args: P.args, **kwargs: P.kwargs) -> R:
+        _keep_small()
+        with _keep_large(8 * _longest(args[0] if args else kwargs.get("logs"))):
+            return function(*args, **kwargs)
+
+    return run
 
 
 @cache
-def keep_free_memory() -> None:
+def _keep_small() -> None:
     """Let the C library keep the memory of freed arrays of up to 8 MB.
 
-    Otherwise glibc returns that of each array above 128 kB to the system, which hands it out again page by page, emptied. Once
-    a larger piece was freed, it keeps pieces of up to that size, and at most twice as much without use (`M_MMAP_THRESHOLD` in
-    mallopt(3)). The piece is never written, so it takes no memory itself. Where the C library is another one, this has no effect.
+    Once a larger piece was freed, glibc keeps pieces of up to that size (`M_MMAP_THRESHOLD` in mallopt(3)). The piece is never
+    written, so it takes no memory itself.
     """
     np.empty(LARGEST, dtype=np.uint8)
+
+
+@contextmanager
+def _keep_large(channel: int) -> Iterator[None]:
+    """Let glibc keep the memory of freed arrays, and return it in the end, if a channel has more bytes than it keeps by itself."""
+    library = _glibc() if channel > BY_ITSELF else None
+    if library is None:
+        yield
+        return
+    size = min(TIMES * channel, MOST)
+    library.mallopt(MMAP_THRESHOLD, size)
+    library.mallopt(TRIM_THRESHOLD, 2 * size)
+    try:
+        yield
+    finally:
+        library.mallopt(MMAP_THRESHOLD, LARGEST)
+        library.mallopt(TRIM_THRESHOLD, 2 * LARGEST)
+        library.malloc_trim(0)
+
+
+@cache
+def _glibc() -> Any:
+    """Return the C library if it is glibc, else None."""
+    if sys.platform != "linux":
+        return None
+    library = ctypes.CDLL(None)
+    return library if hasattr(library, "mallopt") and hasattr(library, "malloc_trim") else None
+
+
+def _longest(logs: Any) -> int:
+    """Return the number of samples of the longest log; 0 for what holds none."""
+    every = logs if isinstance(logs, (list, tuple)) else [logs]
+    return max((len(getattr(log, "time", ())) for log in every), default=0)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from backdrive.identification.regression import long_run
-from backdrive.identification.signals import Signals
+from backdrive.identification.signals import Signals, turns
 from backdrive.logs.quantiles import quantile
 from backdrive.model import Band, Bands
 
@@ -49,15 +49,15 @@ def states(
         after: length of a reversal after the velocity changes sign [s].
         creep: speed below which starts, stops and slow motion count as reversing [rad/s or m/s]; None: they count as moving.
     """
-    turns = np.diff(np.sign(s.velocity)) != 0
+    middle = turns(s.velocity)
     if creep is not None:
-        turns |= (np.diff(s.moving) != 0) | (np.abs(s.velocity[1:]) < creep)
-    turns = np.flatnonzero(turns)
-    edges = np.zeros(s.velocity.size + 1)
-    np.add.at(edges, np.maximum(turns + 1 - round(before * s.rate), 0), 1.0)
-    np.add.at(edges, np.minimum(turns + 1 + round(after * s.rate), s.velocity.size), -1.0)
-    reversing = np.cumsum(edges)[:-1] > 0.0
-    return np.where(s.moving, np.where(reversing, 1, 0), 2)
+        slow = (np.diff(s.moving) != 0) | (np.abs(s.velocity[1:]) < creep)
+        middle = np.union1d(middle, np.flatnonzero(slow))
+    edges = np.zeros(s.velocity.size + 1, dtype=np.int32)
+    np.add.at(edges, np.maximum(middle + 1 - round(before * s.rate), 0), 1)
+    np.add.at(edges, np.minimum(middle + 1 + round(after * s.rate), s.velocity.size), -1)
+    reversing = np.cumsum(edges, dtype=np.int32)[:-1] > 0
+    return np.where(s.moving, reversing.view(np.int8), np.int8(2))
 
 
 def long_run_of(parts: Sequence[Part]) -> float | None:

@@ -8,6 +8,8 @@ import numpy as np
 
 from backdrive.identification.signals import Signals
 
+PIECE = 65_536  # number of samples that are interpolated together
+
 
 def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
     """Return a series delayed by some samples, by cubic interpolation; beyond its ends, it keeps its first and last value.
@@ -25,14 +27,25 @@ def earlier(x: np.ndarray, samples: float, linear: bool = False) -> np.ndarray:
         u = 1.0 - (samples - whole)
         weights = (0.0, 1.0 - u, u, 0.0)
     whole = min(max(whole, -n - 2), n + 2)  # beyond this, only an end value remains
-    before, after = max(whole + 2, 0), max(1 - whole, 0)
-    first = before - whole - 2
-    rows = x.reshape(-1, n)
-    longer, moved = np.empty(before + n + after), np.empty(rows.shape)
-    for row, result in zip(rows, moved, strict=True):
-        longer[:before], longer[before : before + n], longer[before + n :] = row[0], row, row[-1]
-        result[:] = np.correlate(longer[first : first + n + 3], weights, "valid")
-    return moved.reshape(x.shape)
+    rows, moved = x.reshape(-1, n), np.empty(x.shape)
+    for row, result in zip(rows, moved.reshape(-1, n), strict=True):
+        for first in range(0, n, PIECE):  # in pieces that the cache holds
+            last = min(first + PIECE, n)
+            part = _hold_ends(row, first - whole - 2, last - whole + 1)
+            result[first:last] = np.correlate(part, weights, "valid")
+    return moved
+
+
+def _hold_ends(row: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Return row[first:last] of a series that keeps its first and last value beyond its ends."""
+    n = row.size
+    if first >= 0 and last <= n:
+        return row[first:last]
+    before, after = min(max(-first, 0), last - first), min(max(last - n, 0), last - first)
+    part = np.empty(last - first)
+    part[:before], part[part.size - after :] = row[0], row[-1]
+    part[before : part.size - after] = row[max(first, 0) : max(min(last, n), 0)]
+    return part
 
 
 def cubic(samples: float) -> tuple[int, tuple[float, float, float, float]]:

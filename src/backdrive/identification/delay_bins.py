@@ -48,15 +48,15 @@ class DelayStretch:
         self._moving, self._sliding = s.moving, s.sliding
         self._margin = round(MARGIN * s.rate) + 3
         self._longer = np.zeros((4, s.time.size + 2 * self._margin))
-        series = self._longer[
-            :, self._margin : self._margin + s.time.size
-        ]  # one after the other: they are long
-        velocity, series[0] = filters.low_pass_rows([s.velocity, s.acceleration], corner, s.rate)
-        self._velocity = velocity.copy()  # a copy, so that the other row's memory is freed
-        np.negative(filters.low_pass(s.jerk, of_jerk, s.rate), out=series[1])
+        series = self._longer[:, self._margin : self._margin + s.time.size]
+        self._velocity = filters.low_pass(s.velocity, corner, s.rate)  # one after the other: they are long
+        filters.low_pass_rows([s.acceleration], corner, s.rate, out=series[:1])
+        filters.low_pass_rows([s.jerk], of_jerk, s.rate, out=series[1:2])
+        np.negative(series[1], out=series[1])
         if s.position is not None:
-            position = filters.low_pass(s.position, corner, s.rate)
-            series[2], series[3] = (np.sin(position), np.cos(position))
+            filters.low_pass_rows([s.position], corner, s.rate, out=series[2:3])
+            np.cos(series[2], out=series[3])
+            np.sin(series[2], out=series[2])
         self._hold_ends()
 
     def _hold_ends(self) -> None:
@@ -96,12 +96,16 @@ class DelayStretch:
         velocity = earlier(self._velocity, samples)[:size]
         sliding = (later(self._sliding, round(samples)) & self._moving)[:size]
         step = max(1, CHUNK // self.width) * self.width
-        parts = [
-            curves.basis_means(velocity[first : first + step], knots, self.width)
-            for first in range(0, max(size, 1), step)
-        ]
-        slides, speed = (filters.means(x, self.width) for x in (sliding, np.abs(velocity)))
-        return np.concatenate(parts), slides, speed
+        shapes, (slides, speed) = np.empty((self.count, 2 * knots.size)), np.empty((2, self.count))
+        for first in range(0, size, step):
+            part, into = (
+                velocity[first : first + step],
+                slice(first // self.width, (first + step) // self.width),
+            )
+            shapes[into] = curves.basis_means(part, knots, self.width)
+            slides[into] = filters.means(sliding[first : first + step], self.width)
+            speed[into] = filters.means(np.abs(part), self.width)
+        return shapes, slides, speed
 
 
 def later(mask: np.ndarray, samples: int) -> np.ndarray:
@@ -140,6 +144,9 @@ def bins_at_delay(
         if candidate is not None and candidate.form.symmetric:
             shapes = shapes[:, : knots.size] + shapes[:, knots.size :]
         parts.append([np.hstack([head, shapes]), s.torque, sliding, speed])
-    X, y, used, speed = (np.concatenate(part) for part in zip(*parts, strict=True))
+        del head, shapes
+    X, y, used, speed = (
+        np.concatenate(p) if len(p) > 1 else p[0] for p in map(list, zip(*parts, strict=True))
+    )
     count = block_count(sum(s.duration for s in stretches), period_of([s.moves for s in stretches]))
     return Bins(X=X, y=y, used=used > FILLED, speed=speed, blocks=count)

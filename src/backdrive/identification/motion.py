@@ -10,15 +10,15 @@ the influence of outliers.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
-from backdrive.identification import curves, design, noise, regression
-from backdrive.identification.delay import delay_signals, earlier
+from backdrive.identification import curves, design, noise
+from backdrive.identification.block_prediction import predict_blocks
+from backdrive.identification.delay import delay_signals
 from backdrive.identification.evidence import (
     constant_beside,
     evidence,
@@ -32,7 +32,6 @@ from backdrive.identification.motion_bins import (
     HALF,
     Bins,
     bin_means,
-    bin_size,
     bin_time,
     moves,
     slowest_sliding,
@@ -42,7 +41,7 @@ from backdrive.identification.regression import Blocks
 from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import drop_build_up
-from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare
+from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
 from backdrive.identification.slip import Slip, fit, fix_slip, search_slip, with_slip
 from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
@@ -100,7 +99,10 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slowest = slowest_sliding(stretches, knots)
     positions = [s.position for s in stretches if s.position is not None]
     travel = max((float(np.ptp(p)) for p in positions), default=0.0)
-    both = bool(min(-speeds.min(), speeds.max()) > 0.05 * top)
+    velocity = float(speeds.min()), float(speeds.max())
+    del speeds
+    slower_way = min(-velocity[0], velocity[1])
+    both = slower_way > 0.05 * top
     given: dict[str, Any] = {
         "dynamic": True,
         "gravity": gravity if about.unit == "rad" and travel > SPAN_FOR_GRAVITY else False,
@@ -115,13 +117,14 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     )  # too few data for a delay or for standard errors, so reversals are fitted too
     seconds = BIN_TIME if few else bin_time(stretches, smooth.cutoff)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
-    slow = float(SLOW * (min(-speeds.min(), speeds.max()) if both else top))
+    slow = float(SLOW * (slower_way if both else top))
 
     def shift(late: float) -> list[Signals]:
         return [delay_signals(s, late) for s in stretches]
 
-    def average(motion: list[Signals]) -> Bins:
-        return bin_means(motion, knots, seconds=seconds, reversals=few, filled=HALF if few else FILLED)
+    def average(motion: list[Signals], spread: np.ndarray | None = None) -> Bins:
+        filled = HALF if few else FILLED
+        return bin_means(motion, knots, seconds=seconds, reversals=few, filled=filled, spread=spread)
 
     def simplest(slip: Slip, bins: Bins):
         return _simplest(bins, options, slip.correlation, (slowest, 0.0 if few else slow))
@@ -130,8 +133,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
         false = noise_of_encoder(step, corner, rate, max(1, round(seconds * rate)), slip.correlation)
         choice = design.refit(design.fit(blocks, candidate, loss), blocks.without_noise(false))
-        left = bins.y - (X := bins.X @ candidate.spread) @ choice.coefficients
-        return replace(choice, covariance=noise.covariance_of_fit(X, left, bins.used)), bins, lowest
+        bins = bins.map_columns(candidate.spread)
+        left = bins.y - bins.X @ choice.coefficients
+        return replace(choice, covariance=noise.covariance_of_fit(bins.X, left, bins.used)), bins, lowest
 
     rate = stretches[0].rate
     corner = smooth.cutoff or default_cutoff(rate)
@@ -153,33 +157,36 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     bins = average(motion := shift(slip.delay))
     if simpler is not None:
         bins = drop_build_up(bins, motion, simpler.spread, slip.correlation, seconds)
+    del motion  # long logs fill the memory
     choice, bins, slowest = choose(slip, bins)
     if slip.is_fitted(coarse):
-        later = replace(average(shift(slip.delay + slip.error)), used=bins.used).whiten(slip.correlation)
-        now, then = (fit(each.map_columns(choice.candidate.spread)) for each in (bins, later))
+        later = average(shift(slip.delay + slip.error), choice.candidate.spread)
+        now, then = fit(bins), fit(replace(later, used=bins.used).whiten(slip.correlation))
+        del later
         change = (then - now) / slip.error if slip.error > 0.0 else np.zeros_like(now)
         choice = with_slip(choice, change, slip)
     choice = design.offset_apart(choice)
-    velocity = float(speeds.min()), float(speeds.max())
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))
     friction = with_warnings(friction, choice, both)
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
-    turns = sum(int(np.count_nonzero(np.diff(np.sign(s.velocity[s.moving])))) for s in stretches)
+    reversals = sum(turns(s.velocity[s.moving]).size for s in stretches)
     open_ = reasons(bins, friction, stretches, slip)
+    del bins
     remarks = sentences(
         (smooth.warning, smooth.warning),
         (
-            duration < SHORT or turns < FEW_TURNS,
-            f"Only {duration:.2g} s of motion with {turns} reversals: too little to separate friction reliably from "
+            duration < SHORT or reversals < FEW_TURNS,
+            f"Only {duration:.2g} s of motion with {reversals} reversals: too little to separate friction reliably from "
             f"the other terms.",
         ),
         (open_, f"No standard errors are stated: {'; '.join(open_)}."),
     )
     others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
-    unseen = _leave_block_out(stretches, choice, slip.delay, seconds) if not held_out else None
+    unseen = predict_blocks(stretches, choice, slip.delay, seconds) if not held_out else None
     parts, of_others = parts_of(friction, stretches, True), parts_of(friction, others, False)
     fitted, held = assess_both(parts, unseen) if unseen else (assess_parts(parts), assess_parts(of_others))
+    del unseen
     load = np.concatenate([s.torque - measured for s, measured, *_ in parts])
     friction = replace(
         friction,
@@ -223,11 +230,14 @@ def _simplest(
     candidate, loss = design.simplest(blocks, options)
     if candidate.form.knots[0] == 0.0 and slowest < slow:
         lines = [option for option in options if option.form.knots[0] == 0.0]
-        faster = raw.faster(slow).whiten(correlation)
-        with suppress(NotIdentifiable):  # if there is hardly any faster motion, all bins are used
-            of_faster = faster.equations()
+        del bins  # two of them at once fill the memory
+        bins = raw.faster(slow).whiten(correlation)
+        of_faster = bins.equations()
+        try:
             candidate, loss = design.simplest(of_faster, lines)
-            bins, blocks, slowest = faster, of_faster, slow
+            blocks, slowest = of_faster, slow
+        except NotIdentifiable:  # there is hardly any faster motion, so all bins are used
+            bins = raw.whiten(correlation)
     return candidate, loss, bins, blocks, slowest
 
 
@@ -305,33 +315,3 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
         ),
     )
     return replace(friction, warnings=warnings)
-
-
-def _leave_block_out(
-    stretches: Sequence[Signals], choice: design.Choice, delay: float, seconds: float
-) -> list[np.ndarray]:
-    """Return the torque of each stretch [N.m or N], (n,), with every block predicted by the fit without it."""
-    count = len(choice.left_out)
-    block = regression.block_index(sum(bin_size(s, seconds)[1] for s in stretches), count)
-    first, predicted = 0, []
-    for s in stretches:
-        width, bins = bin_size(s, seconds)
-        of_bin = block[first : first + bins] if bins else np.zeros(1, dtype=int)
-        first += bins
-        of_sample = np.repeat(of_bin, width)[: s.time.size]
-        of_sample = np.append(of_sample, np.full(s.time.size - of_sample.size, of_bin[-1]))
-        then = s
-        if delay:
-            edges = [0, *(np.flatnonzero(np.diff(of_sample)) + 1).tolist(), s.time.size]
-            rows = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
-            motion = {name: getattr(s, name) for name in ("velocity", "acceleration", "position")}
-            then = replace(
-                s,
-                **{
-                    name: np.concatenate([earlier(x[part], delay * s.rate) for part in rows])
-                    for name, x in motion.items()
-                    if x is not None
-                },
-            )
-        predicted.append(design.predict(choice.candidate, choice.left_out, then, of_sample))
-    return predicted

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from backdrive.identification import design, regression
-from backdrive.identification.signals import Signals, default_cutoff
+from backdrive.identification.signals import Signals, default_cutoff, turns
 from backdrive.logs import filters
 
 BIN_TIME = 0.01  # shortest bin [s]
@@ -148,7 +148,7 @@ def period_of(moves: Sequence[np.ndarray]) -> float:
 
 def moves_of(s: Signals) -> np.ndarray:
     """Return the times between reversals [s], (m,)."""
-    return np.diff(np.flatnonzero(np.diff(np.sign(s.velocity[s.sliding])) != 0)) / s.rate
+    return np.diff(turns(s.velocity[s.sliding])) / s.rate
 
 
 def moves(stretches: Sequence[Signals]) -> int:
@@ -169,6 +169,7 @@ def bin_means(
     seconds: float = BIN_TIME,
     reversals: bool = False,
     filled: float = FILLED,
+    spread: np.ndarray | None = None,
 ) -> Bins:
     """Return the means over bins, with those marked in which the joint slides.
 
@@ -179,8 +180,13 @@ def bin_means(
         seconds: length of a bin [s].
         reversals: count reversals and slow motion as sliding.
         filled: least share of sliding samples in a used bin [-].
+        spread: matrix by which the regressor is multiplied, as in `Bins.map_columns`; None: all columns.
     """
-    parts = []
+    total, done = sum(bin_size(s, seconds)[1] for s in stretches), 0
+    X, (y, used, speed) = (
+        np.empty((total, 0)),
+        np.empty((3, total)),
+    )  # not of parts, which would be there twice
     for s in stretches:
         width, count = bin_size(s, seconds)
         per_chunk = max(1, CHUNK // width)
@@ -188,9 +194,15 @@ def bin_means(
         for first in range(0, count, per_chunk):
             n = min(per_chunk, count - first)
             rows = slice(first * width, (first + n) * width)
+            part = means(s, knots, rows, width)
+            part = part if spread is None else part @ spread
+            if not done:
+                X = np.empty((total, part.shape[1]))
+            into = slice(done, done + n)
+            X[into] = part
             series = s.torque[rows], mask[rows], np.abs(s.velocity[rows])
-            parts.append([means(s, knots, rows, width), *(filters.means(x, width) for x in series)])
-    X, y, used, speed = (np.concatenate(part) for part in zip(*parts, strict=True))
+            y[into], used[into], speed[into] = (filters.means(x, width) for x in series)
+            done += n
     return Bins(
         X=X,
         y=y,

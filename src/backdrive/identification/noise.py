@@ -26,6 +26,7 @@ SEEN = 2.0  # least significant correlation, relative to sqrt(log10 N / N) [-]
 QUIET = 10  # number of consecutive insignificant lags that end the correlation
 ROUNDS = 4  # number of iterations; in each, the part removed by the fit follows from the last correlation
 WHOLE = 10.0  # weight of the noise of all runs in the noise of one run [independent sample]
+PIECE = 16_384  # number of frequencies whose products are summed together
 LEAST = 0.1  # least variance of a sum, relative to that of white noise of the same size [-]
 
 
@@ -145,7 +146,7 @@ def covariance_of_scores(
     products = (sums + sums[0] / max(size - p, 1) * lost) / np.maximum(_sums(used.astype(float), lags), 1.0)
     correlation = taper(products / products[0], size)
     independent = size / max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
-    return products[0] * _possible(X.T @ _toeplitz(X, correlation, each), X.T @ X), independent
+    return products[0] * _possible(_between_columns(each, correlation), X.T @ X), independent
 
 
 def _possible(full: np.ndarray, white: np.ndarray) -> np.ndarray:
@@ -214,7 +215,9 @@ def _white_loss(each: np.ndarray, inverse: np.ndarray, n: int, lags: int) -> np.
         n: number of samples.
         lags: number of lags.
     """
-    power = np.sum(np.conj(each) * (inverse @ each), axis=0)
+    power = np.zeros(each.shape[1], dtype=complex)
+    for column, row in zip(each, inverse, strict=True):  # one at a time: the columns of a long log are large
+        power += np.conj(column) * (row @ each)
     return np.fft.irfft(power, fft_length(n + lags))[:lags]
 
 
@@ -232,20 +235,41 @@ def _products(a: np.ndarray, b: np.ndarray, lags: int) -> np.ndarray:
     return np.fft.irfft(np.conj(A)[:, None] * B, n)[..., :lags]
 
 
-def _toeplitz(z: np.ndarray, correlation: np.ndarray, each: np.ndarray | None = None) -> np.ndarray:
+def _between_columns(each: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+    """Return X' T X for columns X and the symmetric Toeplitz matrix T of a correlation, (p, p).
+
+    Args:
+        each: transforms of the columns on a circle of an even number of samples, at least n + L, (p, m).
+        correlation: by lag [-], (L,).
+    """
+    p, m = each.shape
+    weight = np.fft.rfft(_circle(correlation, 2 * (m - 1))).real / (m - 1)
+    weight[[0, -1]] *= 0.5  # all other frequencies stand for two
+    total = np.zeros((p, p))
+    for first in range(0, m, PIECE):
+        part = each[:, first : first + PIECE]
+        total += ((part * weight[first : first + PIECE]) @ np.conj(part).T).real
+    return total
+
+
+def _circle(correlation: np.ndarray, size: int) -> np.ndarray:
+    """Return a symmetric correlation by lag on a circle, (size,)."""
+    circle = np.zeros(size)
+    circle[: correlation.size] = correlation
+    circle[size - correlation.size + 1 :] = correlation[:0:-1]
+    return circle
+
+
+def _toeplitz(z: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     """Return the product of a correlation's symmetric Toeplitz matrix and columns z, (n, k).
 
     Args:
         z: columns, (n, k).
         correlation: by lag [-], (L,).
-        each: transforms of the columns on a circle of an even number of samples, at least n + L, (k, m); None: computed here.
     """
     n, m = z.shape[0], min(correlation.size, z.shape[0])
     if m == 1:
         return correlation[0] * z
-    size = fft_length(n + m) if each is None else 2 * (each.shape[1] - 1)
-    each = np.fft.rfft(z.T, size) if each is None else each
-    circle = np.zeros(size)
-    circle[:m] = correlation[:m]
-    circle[size - m + 1 :] = correlation[m - 1 : 0 : -1]
-    return np.fft.irfft(np.fft.rfft(circle) * each, size)[:, :n].T
+    size = fft_length(n + m)
+    spectrum = np.fft.rfft(_circle(correlation[:m], size)) * np.fft.rfft(z.T, size)
+    return np.fft.irfft(spectrum, size)[:, :n].T

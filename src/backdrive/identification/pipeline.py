@@ -10,7 +10,7 @@ from typing import Any
 from backdrive._arguments import as_table, guard_keywords
 from backdrive._blas import on_one_thread
 from backdrive._catalog import lookup
-from backdrive._memory import keep_free_memory
+from backdrive._memory import with_free_memory
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.alignment import Start
@@ -50,6 +50,7 @@ Outcome = tuple[Sequence[JointFriction], Sequence[JointEvidence], ArmModel | Non
 
 @guard_keywords
 @on_one_thread
+@with_free_memory
 def identify(  # noqa: PLR0913  (its options are given by keyword)
     logs: Log | Sequence[Log] | Any,
     *,
@@ -170,7 +171,6 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass one, as `read_log` gives it.")
     options.check()
-    keep_free_memory()
     logs = [in_order(log, logs[0]) for log in logs]
     held_out = [in_order(log, logs[0]) for log in held_out]
     apart(logs, held_out)

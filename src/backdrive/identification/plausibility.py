@@ -64,6 +64,8 @@ def remarks(
         others: motion of all joints of the logs, shared by their rules; None: computed here.
     """
     others = OtherMotion(logs) if others is None else others
+    if evidence.residual is not None:  # a copy: what the rules compute is freed after them
+        evidence = replace(evidence, residual=replace(evidence.residual))
     case = Case(friction=friction, evidence=evidence, logs=logs, known_delay=delay, others=others)
     every = [remark for rule in RULES if (remark := rule(case)) is not None]
     return sorted(every, key=lambda remark: ORDER.index(remark.severity))

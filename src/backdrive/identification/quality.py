@@ -17,6 +17,7 @@ from backdrive.model import JointFriction, Quality
 
 JUDGED_BELOW = 5.0  # cutoff frequency of the zero-phase low pass on both torques [Hz]
 LEAST_SHARE = 0.2  # least sum of the low pass's weights inside the mask that is normalised to 1 [-]
+LONG = 200_000  # largest number of samples of series that are low-passed together, which is faster but takes memory
 GOOD, FAIR = 15.0, 35.0  # largest residual of a result that is good, or usable with care [%]
 
 
@@ -42,8 +43,14 @@ def _qualities(
     for tau, hats, rate, mask in stretches:
         if not mask.any():
             continue
-        series, inside = [tau, *(tau - hat for hat in hats)], mask.astype(float)
-        total += [[(x * inside) @ x for x in each] for each in (_slow(series, mask, rate), series)]
+        inside, share = mask.astype(float), None
+        every = [None, *hats]
+        at_once = len(every) if tau.size <= LONG else 1
+        for first in range(0, len(every), at_once):
+            group = slice(first, first + at_once)
+            series = [tau if hat is None else tau - hat for hat in every[group]]
+            slow, share = _slow(series, inside, rate, share)
+            total[:, group] += [[np.einsum("n,n,n", x, inside, x) for x in each] for each in (slow, series)]
         count += int(np.count_nonzero(mask))
     (below, *above), (raw_below, *raw_above) = total.tolist()
     return [
@@ -57,13 +64,28 @@ def _qualities(
     ]
 
 
-def _slow(series: Sequence[np.ndarray], mask: np.ndarray, rate: float) -> np.ndarray:
-    """Return low-passed series without the contribution of samples outside the mask, (k, n)."""
-    if mask.all():
-        return low_pass_rows(series, JUDGED_BELOW, rate)
-    inside = mask.astype(float)
-    share, *slow = low_pass_rows([inside, *(x * inside for x in series)], JUDGED_BELOW, rate)
-    return np.array(slow) / np.maximum(share, LEAST_SHARE)
+def _slow(
+    series: Sequence[np.ndarray], inside: np.ndarray, rate: float, share: np.ndarray | None
+) -> tuple[list[np.ndarray], np.ndarray | None]:
+    """Return low-passed series without the contribution of samples outside a mask, (n,) each, and the share that is left.
+
+    Args:
+        series: of one stretch, (n,) each.
+        inside: 1 for samples inside the mask, 0 outside, (n,).
+        rate: sampling rate [Hz].
+        share: sum of the low pass's weights inside the mask [-], (n,), from an earlier call; None: computed.
+    """
+    if inside.all():
+        return list(low_pass_rows(series, JUDGED_BELOW, rate)), None
+    rows = [x * inside for x in series]
+    if share is None:
+        lowest, *slow = low_pass_rows([inside, *rows], JUDGED_BELOW, rate)
+        share = np.maximum(lowest, LEAST_SHARE)
+    else:
+        slow = list(low_pass_rows(rows, JUDGED_BELOW, rate))
+    for x in slow:
+        x /= share
+    return slow, share
 
 
 def _percent(above: float, below: float) -> float:

@@ -66,6 +66,7 @@ class Blocks:
         return replace(self, gram=gram)
 
 
+PIECE = 4096  # number of rows that are multiplied together
 RIDGE = 1e-13  # ridge weight in scaled normal equations, which keeps undetermined directions small [-]
 
 
@@ -103,13 +104,13 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
     """
     edges = np.searchsorted(block, np.arange(blocks + 1)).tolist()
     p = X.shape[1]
-    rows = np.empty((len(y), p + 1))
-    rows[:, :p], rows[:, p] = X, y
-    rows *= np.sqrt(w)[:, None]  # so that each product is symmetric, which takes half the time
+    root = np.sqrt(w)  # so that each product is symmetric, which takes half the time
     whole, weights = np.empty((blocks, p + 1, p + 1)), np.zeros(blocks)
     for b, (first, last) in enumerate(zip(edges, edges[1:], strict=False)):
-        part = rows[first:last]
-        np.matmul(part.T, part, out=whole[b])
+        rows = np.empty((last - first, p + 1))
+        rows[:, :p], rows[:, p] = X[first:last], y[first:last]
+        rows *= root[first:last, None]
+        np.matmul(rows.T, rows, out=whole[b])
         weights[b] = w[first:last].sum()
     gram, moment = np.ascontiguousarray(whole[:, :p, :p]), whole[:, :p, p].copy()
     return Blocks(gram=gram, moment=moment, power=whole[:, p, p].copy(), rows=weights)
@@ -163,22 +164,20 @@ def _reweigh(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return Huber's weights times `w`, (n,), and the solution for them, (p,)."""
     inside = np.flatnonzero(w)
-    p, prior = X.shape[1], w[inside]
-    rows = np.empty((inside.size, p + 1))  # X and y: one product gives both sides of the equations
-    rows[:, :p], rows[:, p] = X.take(inside, axis=0), y[inside]
-    weighted = rows if np.all(prior == 1.0) else rows * prior[:, None]
-    whole = weighted.T @ rows
+    p, prior, count = X.shape[1], w[inside], inside.size
+    whole = np.zeros((p + 1, p + 1))  # of X and y: one product gives both sides of the equations
+    for first in range(0, count, PIECE):  # in pieces that the cache holds
+        part = _rows(X, y, inside[first : first + PIECE], prior[first : first + PIECE])
+        whole += part.T @ part
     scale = np.sqrt(np.maximum(whole.diagonal()[:p], 1e-300))
     scale = np.append(scale, 1.0)
-    rows /= scale
     whole /= scale[:, None] * scale
     whole.reshape(-1)[: p * (p + 1) : p + 2] += RIDGE  # the diagonal of X'X
-    minus, count = -np.ones(p + 1), inside.size
     lighter, lost, residual = inside[:0], prior[:0], np.full(count, np.inf)
     solution = _solve_unit(whole) if start is None else start * scale[:p]
     for _ in range(rounds):
-        minus[:p] = solution
-        residual, before = rows @ minus, residual
+        left = y - X @ (solution / scale[:p])
+        residual, before = left if count == y.size else left[inside], residual
         size = np.abs(residual)
         width = HUBER * _spread_of(size.copy()) if count else 0.0
         before -= residual
@@ -186,15 +185,25 @@ def _reweigh(
             break
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
-        part = rows.take(lighter, axis=0)  # few rows, whose lost weight is subtracted from all equations
-        part *= np.sqrt(lost)[:, None]
-        equations = whole - part.T @ part
-        solution = _solve_unit(equations)
+        part = _rows(
+            X, y, inside[lighter], lost
+        )  # few rows, whose lost weight is subtracted from all equations
+        part /= scale
+        solution = _solve_unit(whole - part.T @ part)
     weights = prior.copy()
     weights[lighter] -= lost
     result = np.zeros(w.size)
     result[inside] = weights
     return result, solution / scale[:p]
+
+
+def _rows(X: np.ndarray, y: np.ndarray, at: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return some rows of X and y side by side, times the square roots of their weights, (m, p + 1)."""
+    rows = np.empty((at.size, X.shape[1] + 1))
+    rows[:, :-1], rows[:, -1] = X.take(at, axis=0), y.take(at)
+    if not np.all(weight == 1.0):
+        rows *= np.sqrt(weight)[:, None]
+    return rows
 
 
 def _solve_unit(equations: np.ndarray) -> np.ndarray:

@@ -30,7 +30,10 @@ WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
 FINEST = 60.0  # largest wave number over position [rad/rad or rad/m]
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
 MOST = 4_000_000  # largest product of means and wave numbers in the search for a wave
-AT_ONCE = 16  # wave numbers that are evaluated together; more would not fit the cache
+AT_ONCE, FITS = (
+    16,
+    500_000,
+)  # wave numbers that are evaluated together, and largest product with the means; more is slow
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
 
@@ -266,7 +269,7 @@ def waves_at(
         step: distance of the wave numbers.
         count: of the wave numbers.
     """
-    size = min(count, AT_ONCE)
+    size = min(count, AT_ONCE, max(FITS // position.size, 2))
     sine, cosine = np.empty((2, size, position.size))
     sine[0], cosine[0] = np.sin(first * position), np.cos(first * position)
     begun, turn = 1, (np.sin(step * position), np.cos(step * position))
@@ -305,14 +308,14 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
         slides = surely_sliding(s, top)
-        known = np.zeros_like(s.torque) if s.model_torque is None else s.model_torque
         position = np.full(s.time.size, np.nan) if s.position is None else s.position
-        series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted, known)
+        series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted)
         width = max(1, round(MEAN * s.rate))
         n = s.time.size // width
         means = [filters.means(x, width) for x in series]
         masks = [x[: n * width].reshape(n, width).all(axis=1) for x in (s.moving, slides)]
-        columns.append([*means, np.full(n, number), *masks])
+        known = np.broadcast_to(0.0, n) if s.model_torque is None else filters.means(s.model_torque, width)
+        columns.append([*means, known, np.full(n, number, dtype=np.int32), *masks])
         error = (s.torque - predicted)[slides]
         if error.size:
             error = np.abs(error - median(error))
@@ -333,7 +336,9 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         "known",
         "part",
     )
-    joined = [np.concatenate(each) for each in zip(*columns, strict=True)]
+    joined = [
+        np.concatenate(each) if len(each) > 1 else each[0] for each in map(list, zip(*columns, strict=True))
+    ]
     rate = float(np.median([s.rate for s, *_ in parts]))
     return Residual(
         **dict(zip((*names, "moving", "sliding"), joined, strict=True)),

@@ -14,6 +14,7 @@ from backdrive.logs.log import Log
 from backdrive.logs.quantiles import quantile
 
 GAP = 3.5  # sampling interval above which there is a gap, without interpolation across it [period]
+EVEN = 1e-6  # largest deviation of a clock that is taken as it is [sampling interval]
 SHORTEST = 50  # least number of samples of a stretch between gaps
 BLUNT = 15.0  # cutoff frequency below which a low pass may blur the motion of a servo [Hz]
 REST = 0.002  # share of the top speed below which a joint may be at rest [-]
@@ -160,8 +161,8 @@ def _uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
     """Return a uniform clock, and the log interpolated onto it if its own clock is not uniform."""
     n = round(log.duration / period) + 1
     clock = log.time[0] + period * np.arange(n)
-    if n == len(log) and np.max(np.abs(clock - log.time)) < 0.05 * period:
-        return clock, log
+    if n == len(log) and (off := float(np.max(np.abs(clock - log.time)))) < 0.05 * period:
+        return log.time if off < EVEN * period else clock, log
     channels = {k: np.interp(clock, log.time, v[:, 0])[:, None] for k, v in log.channels.items()}
     return clock, log.replace(time=clock, wrench=None, **channels)
 
@@ -236,8 +237,9 @@ def _sliding(
     low pass also blurs the motion there.
     """
     speed = np.abs(velocity)
-    bounds, way, whole = _ways(velocity)
+    bounds, way, of_move = _ways(velocity)
     length = np.diff(bounds)
+    whole = np.repeat(of_move, length)
     usual = np.sum(whole * speed) / max(
         float(speed.sum()), 1e-300
     )  # mean distance of a move, weighted by distance
@@ -255,15 +257,23 @@ def _sliding(
 
 
 def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the samples of reversals with both ends, and the distances since the last reversal and of the whole move.
-
-    The distances belong to each sample, (n,) [rad or m times rate].
+    """Return the samples of reversals with both ends, (k + 1,), the distance of each sample since the last reversal, (n,), and
+    that of each move, (k,) [rad or m times rate].
     """
-    sign, way = np.sign(velocity), np.zeros(velocity.size + 1)
-    bounds = np.concatenate([[0], np.flatnonzero(sign[1:] != sign[:-1]) + 1, [velocity.size]])
+    way = np.zeros(velocity.size + 1)
+    bounds = np.concatenate([[0], turns(velocity) + 1, [velocity.size]])
     np.cumsum(np.abs(velocity), out=way[1:])
     length = np.diff(bounds)
-    return bounds, way[1:] - np.repeat(way[bounds[:-1]], length), np.repeat(np.diff(way[bounds]), length)
+    since = np.repeat(way[bounds[:-1]], length)
+    return bounds, np.subtract(way[1:], since, out=since), np.diff(way[bounds])
+
+
+def turns(velocity: np.ndarray) -> np.ndarray:
+    """Return the indices of the last samples before the sign of a velocity changes, (k,)."""
+    sign = (velocity > 0.0).view(np.int8) - (velocity < 0.0).view(
+        np.int8
+    )  # an eighth of the memory of `np.sign`
+    return np.flatnonzero(sign[1:] != sign[:-1])
 
 
 def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
@@ -278,8 +288,9 @@ def since_reversal(velocity: np.ndarray, rate: float) -> tuple[np.ndarray, float
         velocity: [rad/s or m/s], (n,).
         rate: sampling frequency [Hz].
     """
-    bounds, way, whole = _ways(velocity)
-    return way / rate, float(np.median(whole[bounds[:-1]])) / rate
+    _, way, of_move = _ways(velocity)
+    way /= rate
+    return way, float(np.median(of_move)) / rate
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:
@@ -292,7 +303,7 @@ def surely_sliding(s: Signals, top: float) -> np.ndarray:
         top: top speed of the joint [rad/s or m/s].
     """
     inside = s.sliding & (np.abs(s.velocity) > SURELY * top)
-    reach, way = round(SURELY_AFTER * s.rate), np.sign(s.velocity)
-    for turn in np.flatnonzero(way[1:] != way[:-1]).tolist():
+    reach = round(SURELY_AFTER * s.rate)
+    for turn in turns(s.velocity).tolist():
         inside[max(turn + 1 - reach, 0) : turn + 1 + reach] = False
     return inside

@@ -171,7 +171,7 @@ def seek_slip(
     slow = [DelayStretch(s, seconds, CORNERS[near], OF_JERK[near]) for s in stretches]
     delay, share, correlation = start, 1.0, 0.0
     tried: list[tuple[float, float]] = []
-    while len(tried) < ROUNDS:
+    while True:
         bins = bins_at_delay(slow, delay, knots, full)
         if not tried:  # gives the correlation of the noise; without any, the fit need not be repeated
             theta = fit(bins)
@@ -183,8 +183,10 @@ def seek_slip(
             return replace(open_, correlation=correlation)
         tried.append((delay, float(theta[jerk] / theta[inertia])))
         delay, share, done = _next(tried, min(max(LEVER, LEVER_SAMPLES * period), STEP))
-        if done:
+        if done or len(tried) == ROUNDS:
             break
+        del bins  # long logs fill the memory
+    del slow
     covariance = noise.covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):

@@ -48,7 +48,11 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float, order: int = 4) -> np.nd
 
 
 def low_pass_rows(
-    rows: Sequence[np.ndarray] | np.ndarray, cutoff: float, rate: float, order: int = 4
+    rows: Sequence[np.ndarray] | np.ndarray,
+    cutoff: float,
+    rate: float,
+    order: int = 4,
+    out: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return what `low_pass` makes of series of equal length, (k, n); together they take two thirds of the time.
 
@@ -57,6 +61,7 @@ def low_pass_rows(
         cutoff: corner frequency of one pass [Hz].
         rate: sampling frequency [Hz].
         order: of one pass.
+        out: array for the result, (k, n); None: a new one.
 
     Raises:
         InvalidInput: as `low_pass`.
@@ -70,7 +75,9 @@ def low_pass_rows(
         )
     size = len(rows[0]) if len(rows) else 0
     if cutoff >= 0.45 * rate or not len(rows):
-        return np.array(rows, dtype=np.float64)
+        result = np.empty((len(rows), size)) if out is None else out
+        result[:] = rows
+        return result
     if size < 2:
         raise InvalidInput(f"{size} samples are too few to filter.", remedy="Give a longer log.")
     pad, margin, circle = (
@@ -84,7 +91,7 @@ def low_pass_rows(
     if size <= 2 * circle:
         piece, circle = size, fft_length(size + 2 * pad)
     gain = (_gain if circle <= SHORT else _gain.__wrapped__)(circle, cutoff / rate, order)
-    result, at_once = np.empty((len(rows), size)), AT_ONCE if circle <= SHORT else 1
+    result, at_once = np.empty((len(rows), size)) if out is None else out, AT_ONCE if circle <= SHORT else 1
     for begin in range(0, size, piece):  # a long series in pieces, which the cache holds
         first, last = max(begin - margin, 0), min(begin + piece + margin, size)
         inside = slice(begin - first, min(begin + piece, size) - first)
@@ -156,7 +163,14 @@ def derivative(x: np.ndarray, period: float) -> np.ndarray:
         x: uniform samples, (n, ...).
         period: sampling interval [s].
     """
-    return np.gradient(np.asarray(x, dtype=np.float64), period, axis=0)
+    x = np.asarray(x, dtype=np.float64)
+    if len(x) < 2:
+        raise InvalidInput(f"{len(x)} samples are too few to differentiate.", remedy="Give a longer log.")
+    result = np.empty_like(x)  # as `np.gradient`, in a third of the memory
+    np.subtract(x[2:], x[:-2], out=result[1:-1])
+    result[1:-1] /= 2.0 * period
+    result[0], result[-1] = (x[1] - x[0]) / period, (x[-1] - x[-2]) / period
+    return result
 
 
 def means(x: np.ndarray, width: int) -> np.ndarray:
