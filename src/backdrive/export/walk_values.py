@@ -80,7 +80,8 @@ class Values:
         join = self.graph.both if isinstance(node.op, ast.And) else self.graph.either
         result: Any = isinstance(node.op, ast.And)
         for each in node.values:
-            result = join(result, self.value(each, state))
+            value = self.value(each, state)
+            result = join(result, value if isinstance(value, Node) else bool(value))
             if not isinstance(result, Node) and result != isinstance(node.op, ast.And):
                 return result
         return result
