@@ -53,6 +53,9 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
         together: lanes of a group, at most TOGETHER.
     """
+    stateless = int(
+        holds(element)
+    )  # a name alone: the compiler leaves out the other branch before it looks at types
 
     def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
@@ -72,7 +75,7 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
                         for k in range(moved.size):
                             V[k] = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
                         last = m
-                    if kernels.HOLDS >> element & 1:
+                    if stateless:
                         for k in range(moved.size):
                             at, d = (
                                 k if loads else 0,
@@ -95,7 +98,7 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
                     for k in range(moved.size):
                         c[k] = kernels.weight(element, (p, place, V[k]))
                     Z[row] = X[i, 0]
-                if kernels.HOLDS >> element & 1:
+                if stateless:
                     continue
                 for k in range(stop - start):
                     for j in range(together):

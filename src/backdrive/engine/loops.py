@@ -60,6 +60,8 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
         sections: the same of the element's row.
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
     """
+    # names alone: the compiler leaves out the other branches before it looks at types
+    rows, moves = int(kernels.ROWS >> element & 1), int(kernels.MOVES >> element & 1)
 
     def lanes(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):  # noqa: PLR0913  (a kernel's row)
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
@@ -80,21 +82,21 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
                     pair, t = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0]
                     v = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
                     lo[k], hi[k], still = kernels.bounds(rate, element, plain, p, v, pair, t)
-                    if not kernels.MOVES >> element & 1:
+                    if not moves:
                         viscous[k] = still
                 z = x[0]
                 for k in range(moved.size):
                     d = moved[k] if tame else kernels.within(kernels.slow(moved[k] / dt), moved[k], dt)
-                    if kernels.ROWS >> element & 1:
+                    if rows:
                         tau[k] = kernels.carry_row(element, (p, place, x, x, lo[k], hi[k], d, dt))
-                    elif kernels.MOVES >> element & 1:
+                    elif moves:
                         z, tau[k], slid[k] = kernels.carry_moving(element, (p, place, z, lo[k], hi[k], d, dt))
                     else:
                         z, tau[k] = kernels.carry_plain(element, (p, place, z, lo[k], hi[k], d, dt))
-                if not kernels.ROWS >> element & 1:
+                if not rows:
                     x[0] = z
                 for k in range(moved.size):
-                    if kernels.MOVES >> element & 1:
+                    if moves:
                         j = k if loads else 0
                         pair, t = (loaded[j, 0], loaded[j, 1]), warm[k if temps else 0]
                         tau[k] += kernels.limits_of(rate, plain, p, slid[k] / dt, pair, t)[2]

@@ -127,7 +127,7 @@ def step_at(  # noqa: PLR0913  (a kernel's row)
 ):  # fmt: skip
     """Friction torque of one tick from the state row x to y at a velocity v = dp/dt that is at most FASTEST."""
     e = begin(p)
-    if ROWS >> element & 1:
+    if ROWS and ROWS >> element & 1:
         lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
         f = carry_row(element, (p, e, x, y, lo, hi, dp, dt)) + viscous
     else:
@@ -141,7 +141,7 @@ def step_one(  # noqa: PLR0913  (a kernel's row)
 ):  # fmt: skip
     """State and friction torque after one tick of an element whose state is one number z; its row begins at p[e]."""
     lo, hi, viscous = bounds(rate, element, plain, p, v, load, temp)
-    if MOVES >> element & 1:
+    if MOVES and MOVES >> element & 1:
         z, f, moved = carry_moving(element, (p, e, z, lo, hi, dp, dt))
         viscous = limits_of(rate, plain, p, moved / dt, load, temp)[2]
     else:
@@ -153,7 +153,7 @@ def step_one(  # noqa: PLR0913  (a kernel's row)
 def bounds(rate: int, element: int, plain: bool, p: Array, v: float, load: Pair, temp: float):
     """Bounds of an element at velocity v, and the viscous part. A viscous part that would drive narrows the bounds instead."""
     lo, hi, viscous = limits_of(rate, plain, p, v, load, temp)
-    if DRIVES >> rate & 1 and not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
+    if DRIVES and DRIVES >> rate & 1 and not (MOVES | HOLDS) >> element & 1 and viscous * v < 0.0:
         weaker = min(abs(viscous), hi if v > 0.0 else -lo)
         if v > 0.0:
             hi -= weaker
@@ -183,11 +183,11 @@ def solve_step(
 ):  # fmt: skip
     """Velocity that `solve` finds; the state is advanced in place, as `step` does with v dt."""
     v, tried, z = _balance(rate, element, p, x, v_free, dt, dt_over_m, load, temp)
-    if HOLDS >> element & 1:
+    if HOLDS and HOLDS >> element & 1:
         return v
     if not (tried and v * dt / dt == v):
         step(rate, element, p, x, v * dt, dt, load, temp)
-    elif ROWS >> element & 1:  # the last trial was this step
+    elif ROWS and ROWS >> element & 1:  # the last trial was this step
         for i in range(x.size // 2):
             x[i] = x[x.size // 2 + i]
     else:
@@ -202,7 +202,7 @@ def _balance(  # noqa: PLR0912  (a kernel calls little; its row)
     """Velocity that `solve` finds, whether the last trial was at it, and the state after that trial where that is a number."""
     if not np.isfinite(v_free):
         return np.nan, False, 0.0
-    if HOLDS >> element & 1:
+    if HOLDS and HOLDS >> element & 1:
         lo, hi, _ = limits(rate, p, 0.0, load, temp)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
             return 0.0, False, 0.0
@@ -252,10 +252,10 @@ def _excess(  # noqa: PLR0913  (a kernel's row)
     """Residual of the balance at a trial speed, along the direction of motion, and the state after it; a row stands in `x`."""
     v, z = toward * speed, 0.0
     at = slow(v)
-    if HOLDS >> element & 1:
+    if HOLDS and HOLDS >> element & 1:
         lo, hi, viscous = limits(rate, p, v, load, temp)
         friction = (hi if toward > 0.0 else lo) + viscous
-    elif ROWS >> element & 1:
+    elif ROWS and ROWS >> element & 1:
         friction = step_at(rate, element, False, p, x, x[x.size // 2 :], at, at * dt, dt, load, temp)
     else:
         z, friction = step_one(rate, element, False, p, begin(p), x[0], at, at * dt, dt, load, temp)
