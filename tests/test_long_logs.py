@@ -11,16 +11,27 @@ from backdrive.logs.log import Joint, Log
 
 
 @pytest.fixture(scope="module")
-def log():
+def logs():
+    first, second = made(1), made(2)
+    keep = np.r_[0:5000, 5600:12_000]  # a gap
+    return [with_known(first).rows(keep), with_known(second)]
+
+
+def with_known(log):
+    known = 0.2 * np.sin(log.position)
+    return log.replace(torque=log.torque + known, model_torque=known)
+
+
+def made(seed):
     t = np.arange(12_000) / 500.0
     q = sum(np.sin(2.0 * np.pi * f * t + k) / (4.0 * f) for k, f in enumerate((0.2, 0.53, 1.1)))
     v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
-    tau = 0.3 * a + 2.0 * np.sign(v) + 0.8 * v + 0.1 * np.random.default_rng(1).standard_normal(t.size)
+    tau = 0.3 * a + 2.0 * np.sign(v) + 0.8 * v + 0.1 * np.random.default_rng(seed).standard_normal(t.size)
     return Log(time=t, joints=(Joint(name="a"),), position=q[:, None], torque=np.roll(tau, 4)[:, None])
 
 
-def test_small_pieces_change_no_result(log, monkeypatch):
-    whole = identify(log, method="motion").model.joints[0]
+def test_small_pieces_change_no_result(logs, monkeypatch):
+    whole = identify(logs, method="motion").model.joints[0]
     pieces = (
         (block_prediction, "CHUNK", 1000),
         (delay, "PIECE", 1000),
@@ -31,7 +42,7 @@ def test_small_pieces_change_no_result(log, monkeypatch):
     )
     for module, name, value in pieces:
         monkeypatch.setattr(module, name, value)
-    pieces = identify(log, method="motion").model.joints[0]
+    pieces = identify(logs, method="motion").model.joints[0]
     velocity = np.linspace(-1.0, 1.0, 9)
     assert pieces.law.torque(velocity) == pytest.approx(whole.law.torque(velocity), rel=1e-9)
     assert pieces.warnings == whole.warnings
@@ -44,17 +55,25 @@ def test_small_pieces_change_no_result(log, monkeypatch):
     assert whole.dynamics["time_slip"].value == pytest.approx(0.008, abs=0.001)
 
 
+def test_a_torque_known_in_one_log_only_is_asked_for():
+    with pytest.raises(InvalidInput, match="the log holds no model_torque"):
+        identify([made(1), with_known(made(2))], method="motion")
+
+
 @pytest.mark.parametrize("samples", [0.3, -0.7, 5.5, -20.25, 300.0, -300.0])
 def test_a_shift_in_pieces_is_that_of_every_sample(samples, monkeypatch):
     x = np.random.default_rng(0).standard_normal((2, 90))
-    expected = delay.earlier(x, samples)
-    monkeypatch.setattr(delay, "PIECE", 7)
-    assert delay.earlier(x, samples) == pytest.approx(expected, abs=1e-14)
-    assert np.all(delay.earlier(x, 300.0) == x[:, :1])
-    assert np.all(delay.earlier(x, -300.0) == x[:, -1:])
+    whole, weights = delay.cubic(samples)
+    places = [np.clip(np.arange(90) - whole - 2 + k, 0, 89) for k in range(4)]
+    expected = sum(w * x[:, at] for w, at in zip(weights, places, strict=True))
+    for piece in (7, 1000):
+        monkeypatch.setattr(delay, "PIECE", piece)
+        assert delay.earlier(x, samples) == pytest.approx(expected, abs=1e-14)
 
 
-def test_products_with_a_correlation_by_their_spectrum():
+@pytest.mark.parametrize("piece", [7, 1000])
+def test_products_with_a_correlation_by_their_spectrum(piece, monkeypatch):
+    monkeypatch.setattr(noise, "PIECE", piece)
     X, rho = np.random.default_rng(0).standard_normal((70, 3)), 0.8 ** np.arange(12)
     lags = np.abs(np.subtract.outer(np.arange(70), np.arange(70)))
     T = np.where(lags < 12, 0.8**lags, 0.0)
@@ -83,6 +102,7 @@ class Library:
 
     def mallopt(self, option, value):
         self.calls.append((option, value))
+        return 1
 
     def malloc_trim(self, pad):
         self.calls.append(("trim", pad))
@@ -90,7 +110,7 @@ class Library:
 
 class OfLength:
     def __init__(self, n):
-        self.time = range(n)
+        self.time = np.broadcast_to(0.0, n)
 
 
 @pytest.mark.parametrize("n", [1000, 4_000_000])
@@ -111,7 +131,15 @@ def test_memory_kept_for_a_long_log_is_returned_even_after_an_error(monkeypatch)
 
     with pytest.raises(ValueError, match="no fit"):
         _memory.with_free_memory(fails)(logs=OfLength(5_000_000))
-    assert library.calls[2:] == [(-3, 1 << 23), (-1, 1 << 24), ("trim", 0)]
+    assert library.calls[2:] == [(-3, 1 << 25), (-1, 1 << 26), ("trim", 0)]
+
+
+def test_an_older_glibc_that_refuses_keeps_its_own_way(monkeypatch):
+    library = Library()
+    monkeypatch.setattr(library, "mallopt", lambda option, value: library.calls.append((option, value)))
+    monkeypatch.setattr(_memory, "_glibc", lambda: library)
+    _memory.with_free_memory(lambda logs: None)([OfLength(5_000_000)])
+    assert [option for option, _ in library.calls] == [-3, -3, -1, "trim"]
 
 
 def test_without_glibc_nothing_is_asked_of_it(monkeypatch):

@@ -38,3 +38,8 @@ def test_what_the_motion_does_not_tell_is_estimated_with_its_error(logs):
     for log in unsure:
         slip = identify_sweep([log], "joint")[0].dynamics["time_slip"]
         assert abs(slip.value) < 4.0 * slip.standard_error and slip.standard_error > 0.0
+
+
+def test_a_few_bins_tell_nothing(logs):
+    short = logs[0].rows(slice(300, 360))
+    assert torque_timing(prepare(short, 0))[0] is None

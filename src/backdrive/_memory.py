@@ -15,7 +15,7 @@ LARGEST = 1 << 23  # size of the largest array whose memory is always kept [byte
 BY_ITSELF = (
     1 << 25
 )  # size of the largest array whose memory glibc keeps without being asked, once one was freed [byte]
-MOST = 1 << 30  # size of the largest array whose memory is kept for a long log [byte]
+MOST = 1 << 29  # size of the largest array whose memory is kept for a long log [byte]
 TIMES = 4  # size of the largest array that is made of a log, by that of one channel [-]
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 
@@ -58,13 +58,13 @@ def _keep_large(channel: int) -> Iterator[None]:
         yield
         return
     size = min(TIMES * channel, MOST)
-    library.mallopt(MMAP_THRESHOLD, size)
-    library.mallopt(TRIM_THRESHOLD, 2 * size)
+    if library.mallopt(MMAP_THRESHOLD, size):  # older ones refuse
+        library.mallopt(TRIM_THRESHOLD, 2 * size)
     try:
         yield
     finally:
-        library.mallopt(MMAP_THRESHOLD, LARGEST)
-        library.mallopt(TRIM_THRESHOLD, 2 * LARGEST)
+        library.mallopt(MMAP_THRESHOLD, BY_ITSELF)  # it no longer learns by itself what to keep
+        library.mallopt(TRIM_THRESHOLD, 2 * BY_ITSELF)
         library.malloc_trim(0)
 
 
@@ -79,5 +79,5 @@ def _glibc() -> Any:
 
 def _longest(logs: Any) -> int:
     """Return the number of samples of the longest log; 0 for what holds none."""
-    every = logs if isinstance(logs, (list, tuple)) else [logs]
-    return max((len(getattr(log, "time", ())) for log in every), default=0)
+    times = [getattr(log, "time", None) for log in (logs if isinstance(logs, (list, tuple)) else [logs])]
+    return max((time.size for time in times if isinstance(time, np.ndarray)), default=0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -150,7 +151,8 @@ def predict(candidate: Candidate, coefficients: np.ndarray, motion: Signals, row
     k = len(candidate.terms)
     torque = curves.torques(candidate.form, coefficients[:, k:], motion.velocity, row)
     rigid = [term for term in candidate.terms if term in RIGID]
-    along = dict(zip(rigid, columns_of(motion, rigid), strict=True)) | {"model_torque": motion.model_torque}
+    known = 0.0 if motion.model_torque is None else motion.model_torque  # as `head` takes it
+    along: dict[str, Any] = dict(zip(rigid, columns_of(motion, rigid), strict=True)) | {"model_torque": known}
     for j, term in enumerate(candidate.terms):
         if term != "jerk":
             torque += coefficients[:, j].take(row) * along[term]

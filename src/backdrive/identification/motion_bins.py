@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import solve_banded
 
+from backdrive.errors import NotIdentifiable
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals, default_cutoff, turns
 from backdrive.logs import filters
@@ -181,8 +182,15 @@ def bin_means(
         reversals: count reversals and slow motion as sliding.
         filled: least share of sliding samples in a used bin [-].
         spread: matrix by which the regressor is multiplied, as in `Bins.map_columns`; None: all columns.
+
+    Raises:
+        NotIdentifiable: all stretches are shorter than a bin.
     """
     total, done = sum(bin_size(s, seconds)[1] for s in stretches), 0
+    if not total:
+        raise NotIdentifiable(
+            f"No stretch between gaps lasts {seconds:.2g} s.", remedy="Record without dropping samples."
+        )
     X, (y, used, speed) = (
         np.empty((total, 0)),
         np.empty((3, total)),

@@ -26,6 +26,7 @@ SEEN = 2.0  # least significant correlation, relative to sqrt(log10 N / N) [-]
 QUIET = 10  # number of consecutive insignificant lags that end the correlation
 ROUNDS = 4  # number of iterations; in each, the part removed by the fit follows from the last correlation
 WHOLE = 10.0  # weight of the noise of all runs in the noise of one run [independent sample]
+FEWEST = 3.0  # least degrees of freedom of an error
 PIECE = 16_384  # number of frequencies whose products are summed together
 LEAST = 0.1  # least variance of a sum, relative to that of white noise of the same size [-]
 
@@ -38,7 +39,7 @@ class Noise:
         correlation: autocorrelation by lag, 1 at lag 0 [-], (L,).
         size: standard deviation of the noise in each run [unit of the residuals], (R,).
         widening: factor on standard errors, so that 1.96 of them correspond to Student's quantile for the number of
-            independent samples behind a run's size [-], (R,).
+            independent samples behind a run's size and behind the correlation [-], (R,).
     """
 
     correlation: np.ndarray
@@ -73,7 +74,7 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
     for r, p in zip(left, power, strict=True):
         if p > 0.0:
             raw += _sums(r, lags) / p
-    correlation, kept = np.ones(1), np.ones(len(left))
+    correlation, weights, kept = np.ones(1), np.ones(1), np.ones(len(left))
     pairs = [_products(Q, Q, lags) for Q in bases]
     for _ in range(ROUNDS):
         taken, count = np.zeros(lags), np.full(lags, 1e-300)
@@ -83,12 +84,16 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
             taken += lost / kept[i]
             count += np.maximum(len(Q) - np.arange(lags), 0) / kept[i]
         whole = (raw + taken) / count
-        correlation = taper(whole / whole[0], sum(r.size for r in left))
+        raw_correlation = whole / whole[0]
+        weights = lag_weights(raw_correlation, sum(r.size for r in left))
+        correlation = raw_correlation[: weights.size] * weights
     wide = max(float(correlation[0] + 2.0 * correlation[1:].sum()), 1.0)
     independent = np.array([r.size for r in left]) / wide
     size = np.sqrt(power / kept)
     shrunk = np.where(size > 0.0, _shrunk(size, independent), 0.0)
-    few = stdtrit(independent + WHOLE - (degree + 1), 0.975) / regression.NORMAL
+    squares = 2.0 * float(weights[1:] @ weights[1:])  # the variance of a sum of correlations, by that of one
+    freedom = 1.0 / (1.0 / (independent + WHOLE - (degree + 1)) + squares / sum(r.size for r in left))
+    few = stdtrit(np.maximum(freedom, FEWEST), 0.975) / regression.NORMAL
     return Noise(correlation=correlation, size=np.maximum(size, shrunk), widening=few)
 
 
@@ -176,6 +181,17 @@ def taper(correlation: np.ndarray, count: int) -> np.ndarray:
         correlation: estimated correlation by lag, 1 at lag 0 [-], (L,).
         count: number of samples behind the estimate.
     """
+    weights = lag_weights(correlation, count)
+    return correlation[: weights.size] * weights
+
+
+def lag_weights(correlation: np.ndarray, count: int) -> np.ndarray:
+    """Return the weights of the lags that `taper` keeps [-], (K,).
+
+    Args:
+        correlation: as of `taper`, (L,).
+        count: number of samples behind the estimate.
+    """
     seen = np.abs(correlation[1:]) >= SEEN * np.sqrt(np.log10(max(count, 10)) / count)
     last = quiet = 0
     for lag, one in enumerate(seen.tolist(), 1):
@@ -184,7 +200,7 @@ def taper(correlation: np.ndarray, count: int) -> np.ndarray:
         if quiet >= QUIET:
             break
     lags = np.arange(min(max(2 * last, 1), correlation.size))
-    return correlation[: lags.size] * np.minimum(1.0, 2.0 - lags / max(last, 1))
+    return np.minimum(1.0, 2.0 - lags / max(last, 1))
 
 
 def _basis(velocity: np.ndarray, degree: int) -> np.ndarray:

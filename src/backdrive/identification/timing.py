@@ -20,6 +20,7 @@ from backdrive.identification.signals import Signals
 
 Timing = Literal["command", "sample"]
 NEAR = 0.25  # largest distance of a delay from that of a command (-0.5) or a sample (0) [sampling interval]
+MORE = 2.0  # least number of bins, by that of the unknowns [-]
 FAR = 3.0  # least distance of a delay from that of the other one [standard error]
 
 
@@ -40,6 +41,8 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
         [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
     )
     bins = bin_means(stretches, knots, _means, bin_time(stretches, None))
+    if np.count_nonzero(bins.used) < MORE * bins.X.shape[1]:
+        return None, float("nan"), float("nan")
     blocks = bins.equations()
     theta = blocks.solution()
     if not theta[0] > 0:

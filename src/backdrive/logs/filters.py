@@ -61,7 +61,7 @@ def low_pass_rows(
         cutoff: corner frequency of one pass [Hz].
         rate: sampling frequency [Hz].
         order: of one pass.
-        out: array for the result, (k, n); None: a new one.
+        out: array for the result, apart from `rows`, (k, n); None: a new one.
 
     Raises:
         InvalidInput: as `low_pass`.
@@ -74,7 +74,9 @@ def low_pass_rows(
             remedy="Give a higher one.",
         )
     size = len(rows[0]) if len(rows) else 0
-    if cutoff >= 0.45 * rate or not len(rows):
+    if not len(rows):
+        return np.array(rows, dtype=np.float64)
+    if cutoff >= 0.45 * rate:
         result = np.empty((len(rows), size)) if out is None else out
         result[:] = rows
         return result
