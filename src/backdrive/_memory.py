@@ -12,9 +12,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 
 LARGEST = 1 << 23  # size of the largest array whose memory is always kept [byte]
-BY_ITSELF = (
-    1 << 25
-)  # size of the largest array whose memory glibc keeps without being asked, once one was freed [byte]
+BY_ITSELF = 1 << 25  # size of the largest array whose memory glibc learns to keep, unasked [byte]
 MOST = 1 << 29  # size of the largest array whose memory is kept for a long log [byte]
 TIMES = 4  # size of the largest array that is made of a log, by that of one channel [-]
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt(3)

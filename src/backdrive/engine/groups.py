@@ -53,9 +53,7 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
         together: lanes of a group, at most TOGETHER.
     """
-    stateless = int(
-        holds(element)
-    )  # a name alone: the compiler leaves out the other branch before it looks at types
+    stateless = int(holds(element))  # a name alone: the other branch ends before types are inferred
 
     def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1

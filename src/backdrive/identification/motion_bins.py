@@ -191,10 +191,7 @@ def bin_means(
         raise NotIdentifiable(
             f"No stretch between gaps lasts {seconds:.2g} s.", remedy="Record without dropping samples."
         )
-    X, (y, used, speed) = (
-        np.empty((total, 0)),
-        np.empty((3, total)),
-    )  # not of parts, which would be there twice
+    X, (y, used, speed) = np.empty((total, 0)), np.empty((3, total))  # filled: parts would be there twice
     for s in stretches:
         width, count = bin_size(s, seconds)
         per_chunk = max(1, CHUNK // width)
