@@ -136,7 +136,7 @@ def slow_clock(logs: Sequence[Log]) -> list[str]:
 
 def external_torque_notes(logs: Sequence[Log], method: str) -> list[str]:
     """Return sentences on known torques in the logs that the method does not use."""
-    if method == "motion" or all(log.model_torque is None for log in logs):
+    if method in ("motion", "dynamic") or all(log.model_torque is None for log in logs):
         return []
     return [
         f"The method '{method}' does not use the torque known from elsewhere (tau_model); subtract it from the torque "

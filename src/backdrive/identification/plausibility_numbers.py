@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from backdrive.identification.design import LARGEST_SLIP
+from backdrive.identification.model_torque import as_gravity
 from backdrive.identification.plausibility_residual import delay
 from backdrive.identification.remark import EARLY, ONE_WAY_ONLY, SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
@@ -177,10 +178,24 @@ def delay_range(case: Case) -> Remark | None:
     )
 
 
+def _gravity_share(case: Case) -> float:
+    """Return what the fitted gravity has of a known torque that is itself gravity [-]; 0 if the two are small or different."""
+    res, terms = case.residual, [term for term in GRAVITY if term in case.friction.dynamics]
+    if res is None or not terms or not np.isfinite(res.position).all():
+        return 0.0
+    known = res.known - res.known.mean()
+    if not known.std() > SHARE * res.size or as_gravity([res.position], [res.known]) is None:
+        return 0.0
+    left = np.array([case.value(term)[0] for term in terms]) @ columns(res, terms)
+    return float(known @ left / (known @ known))
+
+
 def external_share(case: Case) -> Remark | None:
     """Remark on a factor of the model torque other than one."""
     value, error = case.value("model_torque")
     sure = math.isfinite(error)
+    remaining = 0.0 if sure else _gravity_share(case)
+    value += remaining
     if sure and error > HALF_KNOWN:
         return Remark(
             severity="care",
@@ -200,7 +215,8 @@ def external_share(case: Case) -> Remark | None:
         cause = (
             "it has the opposite sign of the measured torque. Read it with a minus (--map tau_model=-COLUMN)"
         )
-        if sure and error < SHARE and abs(value + 1.0) <= max(SURE * error, SHARE):
+        accurate = remaining != 0.0 or (sure and error < SHARE)
+        if accurate and abs(value + 1.0) <= (max(SURE * error, SHARE) if sure else SHARE):
             cause += "; the fit has corrected it, so friction is right"
         else:
             cause += (
