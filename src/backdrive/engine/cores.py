@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from threading import Thread
 
 from backdrive.parameters import whole
 
@@ -36,14 +38,39 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
         if count > 0:
             work(0, count)
         return
-    pieces = min(count, 4 * workers)  # several for each worker, since items may take different times
+    pieces = min(count, 2 * workers)  # more than one for each worker, since items may take different times
     edges = [count * i // pieces for i in range(pieces + 1)]
-    pool, wait = ThreadPoolExecutor(workers), True
-    try:
-        for done in [pool.submit(work, a, b) for a, b in zip(edges, edges[1:], strict=False)]:
-            done.result()
+    left, failures = deque(pairwise(edges)), list[BaseException]()
+
+    def serve() -> None:
+        while left:
+            try:
+                first, last = left.popleft()
+            except IndexError:  # another thread was faster
+                return
+            work(first, last)
+
+    def serve_beside() -> None:
+        try:
+            serve()
+        except BaseException as failure:  # it is raised in the caller's thread
+            failures.append(failure)
+            left.clear()
+
+    beside = [Thread(target=serve_beside, daemon=True) for _ in range(workers - 1)]
+    for thread in beside:
+        thread.start()
+    try:  # the caller's thread works too: it already has a core, and systems are slow to place new threads
+        serve()
+        for thread in beside:
+            thread.join()
     except KeyboardInterrupt:  # running pieces finish and fill arrays that nobody reads any more
-        wait = False
+        left.clear()
         raise
-    finally:
-        pool.shutdown(wait=wait, cancel_futures=True)
+    except BaseException:
+        left.clear()
+        for thread in beside:
+            thread.join()
+        raise
+    if failures:
+        raise failures[0]

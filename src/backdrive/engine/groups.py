@@ -42,14 +42,13 @@ def work() -> tuple[np.ndarray, ...]:
 
 
 @cache
-def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, together: int) -> Callable:
+def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -> Callable:
     """Return the loop of one law over lanes; each lane is a parameter row on one of the motions.
 
     Args:
         rate: kind of the rate law.
         element: kind of the element.
         plain: the law neither grows with the load nor differs by direction.
-        knots: number of sections of the rate law's row, as a constant; 0: the loop reads it from the row.
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
         together: lanes of a group, at most TOGETHER.
     """
@@ -64,26 +63,23 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
                 for j in range(count):
                     i = which[first + j]
                     m, p, place = motion[i], P[i], 1 + int(P[i, 0])
-                    if knots and int(p[1]) != knots:
-                        continue  # tells the compiler the number of loop rounds
                     tau, moved = out[i, start:stop], dp[m, start:stop]
                     loaded = load[m, start:stop] if loads else load[m]
                     warm = temp[m, start:stop] if temps else temp[m]
+                    if stateless:
+                        for k in range(moved.size):
+                            v = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
+                            d = moved[k] if tame else kernels.within(v, moved[k], dt)
+                            at = k if loads else 0
+                            pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
+                            _, tau[k] = kernels.step_one(
+                                rate, element, plain, p, place, 0.0, v, d, dt, pair, t
+                            )
+                        continue
                     if m != last:
                         for k in range(moved.size):
                             V[k] = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
                         last = m
-                    if stateless:
-                        for k in range(moved.size):
-                            at, d = (
-                                k if loads else 0,
-                                moved[k] if tame else kernels.within(V[k], moved[k], dt),
-                            )
-                            pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
-                            tau[k] = kernels.step_one(
-                                rate, element, plain, p, place, 0.0, V[k], d, dt, pair, t
-                            )[1]
-                        continue
                     row = j * ROW
                     a, b, c = A[row : row + ROW], B[row : row + ROW], C[row : row + ROW]
                     for k in range(moved.size):  # short loops, for each needs many registers
@@ -114,4 +110,4 @@ def in_groups(rate: int, element: int, plain: bool, knots: int, tame: bool, toge
                     X[i, 0] = z[tau.size]
 
     groups = put_in(groups, kernels.parts([rate], [element]) | kernels.ONE_AT_A_TIME)
-    return specialise(groups, rate, element, int(plain), knots, int(tame), together)
+    return specialise(groups, rate, element, int(plain), int(tame), together)

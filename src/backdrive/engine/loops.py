@@ -49,15 +49,14 @@ def wild(dp, limit):
 
 
 @cache
-def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, tame: bool) -> Callable:
+def one_by_one(rate: int, element: int, plain: bool, sections: int, tame: bool) -> Callable:
     """Return the loop of one law over lanes, one after the other; each lane is a parameter row on one of the motions.
 
     Args:
         rate: kind of the rate law.
         element: kind of the element.
         plain: the law neither grows with the load nor differs by direction.
-        knots: number of sections of the rate law's row, as a constant; 0: the loop reads it from the row.
-        sections: the same of the element's row.
+        sections: number of sections of the element's row, as a constant; 0: the loop reads it from the row.
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
     """
     # names alone: the compiler leaves out the other branches before it looks at types
@@ -70,7 +69,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
             m = motion[i]
             p, x = P[i], X[i]
             place = 1 + int(p[0])
-            if (knots and int(p[1]) != knots) or (sections and int(p[place]) != sections):
+            if sections and int(p[place]) != sections:
                 continue  # tells the compiler the number of loop rounds
             for start in range(0, dp.shape[1], BLOCK):
                 stop = min(start + BLOCK, dp.shape[1])
@@ -104,7 +103,7 @@ def one_by_one(rate: int, element: int, plain: bool, knots: int, sections: int, 
                         tau[k] += viscous[k]
 
     lanes = put_in(lanes, kernels.parts([rate], [element]) | kernels.ONE_AT_A_TIME)
-    return specialise(lanes, rate, element, int(plain), knots, sections, int(tame))
+    return specialise(lanes, rate, element, int(plain), sections, int(tame))
 
 
 @cache

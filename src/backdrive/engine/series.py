@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from backdrive.model import FrictionModel
 
 
-Kinds = tuple[int, int, bool, int, int]
+Kinds = tuple[int, int, bool, int]
 
 
 def stack_rows(rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -46,7 +46,7 @@ class Lanes:
         self.states = 2 * max(max(law.element.states(), 1) for law in laws)
         self.usual_loads = np.array([law.usual_load for law in laws])
         plain = self.rows[:, 0] == np.floor(self.rows[:, 0])
-        sizes = ([law.rate.sections() for law in laws], [law.element.sections() for law in laws])
+        sections = [law.element.sections() for law in laws]
         #: of each group: arguments of `loops.one_by_one`, its lanes, number of lanes in earlier groups, default load
         self._groups: list[tuple[Kinds, np.ndarray, int, np.ndarray]] = []
         grows, place = np.isnan(self.usual_loads[:, 1]), 0
@@ -55,7 +55,7 @@ class Lanes:
                 self.rates.tolist(),
                 self.elements.tolist(),
                 plain.tolist(),
-                *sizes,
+                sections,
                 grows.tolist(),
                 strict=True,
             )
@@ -128,12 +128,12 @@ class Lanes:
         self, kinds: Kinds, lanes: np.ndarray, motion: np.ndarray, tame: bool
     ) -> tuple[Callable, Callable]:
         """Return the compiled loop for some lanes of one law, and the function that allocates its work arrays."""
-        rate, element, plain, knots, _ = kinds
+        rate, element, plain, _ = kinds
         if groups.serves(element):
             alone = len(lanes) == 1 and not groups.holds(element)
             together = 1 if alone else groups.TOGETHER
-            return groups.in_groups(rate, element, plain, knots, tame, together), groups.work
-        wide = knots or kernels.ROWS >> element & 1 or not plain or self.rows.shape[1] > loops.COLUMNS
+            return groups.in_groups(rate, element, plain, tame, together), groups.work
+        wide = kernels.ROWS >> element & 1 or not plain or self.rows.shape[1] > loops.COLUMNS
         if len(lanes) < loops.FEWEST or wide:
             return loops.one_by_one(*kinds, tame), loops.work
         shared = bool((motion[lanes] == motion[lanes[0]]).all())
