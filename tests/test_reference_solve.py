@@ -442,7 +442,7 @@ def test_work_is_cut_into_pieces_that_cover_it():
             pieces.sort()
             assert [k for a, b in pieces for k in range(a, b)] == list(range(count))
             threads = min(available() if workers is None else workers, count)
-            assert len(pieces) == (min(count, 4 * threads) if threads > 1 else min(count, 1))
+            assert len(pieces) == (min(count, 2 * threads) if threads > 1 else min(count, 1))
     for wrong in (0, -1):
         with pytest.raises(InvalidInput, match="workers"):
             spread(lambda a, b: None, 3, wrong)

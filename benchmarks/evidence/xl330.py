@@ -72,6 +72,7 @@ class Case:
         geared: the arm is a load behind the gears, so that what accelerates it is load too.
         all16: requirement on the fit to all logs [mrad].
         unseen: requirement on the mean of the four held-out gains [mrad].
+        seconds: requirement on the wall time of a fit [s].
         options: of the search. M6 is seeded with the one of two seeds that ended lower on all 16 logs.
     """
 
@@ -81,6 +82,7 @@ class Case:
     geared: bool = False
     all16: float
     unseen: float | None = None
+    seconds: float = SECONDS
     options: dict = field(default_factory=lambda: {"begin": 128, "descend": 4, "finish": 1, "iterations": 16})
 
 
@@ -93,6 +95,7 @@ CASES = (
         free=DRIVE | OWN_GAIN | WHOLE | DRY | STRIBECK | LOADED,
         all16=28.0,
         unseen=45.0,
+        seconds=3.0,
         options={"begin": 128, "descend": 4, "finish": 1, "iterations": 16, "seed": 1},
     ),
     Case(
@@ -193,7 +196,9 @@ def main() -> None:
         )
         error = 1e3 * found.mean_absolute
         judge.at_most(f"{case.title}: mean absolute error on all 16", error, case.all16, "mrad")
-        judge.at_most(f"{case.title}: wall time of a fit on {os.cpu_count()} cores", seconds, SECONDS, "s")
+        judge.at_most(
+            f"{case.title}: wall time of a fit on {os.cpu_count()} cores", seconds, case.seconds, "s"
+        )
         if case.unseen is not None:
             errors, spent = held_out(case, every)
             print(

@@ -19,7 +19,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.engine import servo
 from backdrive.parameters import ABOVE_ZERO, Bound, WithBounds
 
@@ -70,15 +70,26 @@ def torque(d, s, r, supply, q, v, h):
     return k_t * i / (1.0 + d[12] * abs(i))
 
 
+@leaf
+def begin(d, s, r, q, dt):
+    """Set the state of a drive before the first sample, at the position q, of its input r (n,)."""
+    s[1], s[3] = q, input_at(r, -d[13] / dt, d[14])
+
+
+@leaf
+def torque_at(d, s, r, t, on, supply, q, v, h, dt):
+    """Torque of one step h from the time t in samples of the input r (n,); 0 where the drive is switched off."""
+    if on > 0.0:
+        return torque(d, s, input_at(r, t - d[13] / dt, d[14]), supply, q, v, h)
+    return 0.0
+
+
 @jit
 def along(d, s, r, supply, q, v, dt, out):
     """Fill `out` with the torque of a drive along a motion: position q and velocity v (n,); `supply` is (n,) or (1,)."""
-    late, hold = d[13] / dt, d[14]
-    s[1], s[3] = q[0], input_at(r, -late, hold)
+    begin(d, s, r, q[0], dt)
     for k in range(r.size):
-        out[k] = torque(
-            d, s, input_at(r, k - late, hold), supply[k if supply.size > 1 else 0], q[k], v[k], dt
-        )
+        out[k] = torque_at(d, s, r, k, 1.0, supply[k if supply.size > 1 else 0], q[k], v[k], dt, dt)
 
 
 @dataclass(frozen=True, kw_only=True)

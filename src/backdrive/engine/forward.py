@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
 
 from backdrive._documents import as_list
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.engine import axis as axis_
-from backdrive.engine import drives
+from backdrive.engine import drives, lockstep
 from backdrive.engine.cores import spread
 from backdrive.engine.drives import DriveModel
 from backdrive.engine.series import Lanes
@@ -20,52 +20,58 @@ from backdrive.laws import REFERENCE, Law, kernels
 from backdrive.parameters import ABOVE_ZERO, FINITE, NOT_NEGATIVE, WithBounds, array, number, numbers, whole
 
 
-@jit
-def motion(j, d, rate, element, p, x, s, c, r, supply, enabled, temp, dt, substeps, out):  # noqa: PLR0913  (a kernel's row)
-    """Fill `out` with motor-side position, its velocity and the drive's torque at every sample.
+@leaf
+def sample(j, d, rate, element, p, x, s, c, r, k, supply, on, temp, dt, substeps, out):  # noqa: PLR0913  (a kernel's row)
+    """Note motor-side position, its velocity and the drive's torque at the sample k in `out` (3,), and advance to the next.
 
-    `j`, `d`: rows of axis and drive; `s`, `c`: their states; r: input of the drive (n,); supply, enabled, temp: (n,) or (1,).
+    `j`, `d`: rows of axis and drive; `s`, `c`: their states; r: input of the drive (n,); supply, on, temp: at the sample.
     """
     h = dt / substeps
-    late, hold = d[13] / dt, d[14]
-    supplies, switches, temps = supply.size > 1, enabled.size > 1, temp.size > 1
-    c[1], c[3] = s[0], drives.input_at(r, -late, hold)
-    u = 0.0
-    for k in range(r.size):
-        out[k, 0], out[k, 1] = s[0], s[1]
-        on = enabled[k if switches else 0] > 0.0
-        for i in range(substeps):
-            u = 0.0
-            if on:
-                asked = drives.input_at(r, k + i / substeps - late, hold)
-                u = drives.torque(d, c, asked, supply[k if supplies else 0], s[0], s[1], h)
-            if i == 0:
-                out[k, 2] = u
-            axis_.advance(j, s, rate, element, p, x, u, h, temp[k if temps else 0])
+    out[0], out[1] = s[0], s[1]
+    for i in range(substeps):
+        u = drives.torque_at(d, c, r, k + i / substeps, on, supply, s[0], s[1], h, dt)
+        if i == 0:
+            out[2] = u
+        axis_.advance(j, s, rate, element, p, x, u, h, temp)
 
 
 @jit
 def lanes(first, last, J, D, rates, elements, P, X, S, C, log, r, supply, enabled, temp, dt, substeps, out):  # noqa: PLR0913  (a kernel's row)
     """Run lanes first to last - 1. A lane is one axis driven by one of the inputs."""
+    supplies, switches, temps = supply.shape[1] > 1, enabled.shape[1] > 1, temp.shape[1] > 1
     for i in range(first, last):
         m = log[i]
-        motion(
-            J[i],
-            D[i],
-            rates[i],
-            elements[i],
-            P[i],
-            X[i],
-            S[i],
-            C[i],
-            r[m],
-            supply[m],
-            enabled[m],
-            temp[m],
-            dt,
-            substeps,
-            out[i],
-        )
+        law = rates[i], elements[i], P[i], X[i]
+        drives.begin(D[i], C[i], r[m], S[i, 0], dt)
+        for k in range(r.shape[1]):
+            volts, on = supply[m, k if supplies else 0], enabled[m, k if switches else 0]
+            t = temp[m, k if temps else 0]
+            sample(J[i], D[i], *law, S[i], C[i], r[m], k, volts, on, t, dt, substeps, out[i, k])
+
+
+def loop_of(
+    rates: np.ndarray, elements: np.ndarray, rows: np.ndarray, fewest: int = lockstep.WIDTH
+) -> Callable[..., None]:
+    """Return a compiled loop over lanes of given laws, with the arguments of `lanes`, of which it gives the numbers.
+
+    Args:
+        rates: kind of the rate law of each lane, without unit, (L,).
+        elements: kind of its element, (L,).
+        rows: parameters of its law, (L, P).
+        fewest: least number of lanes that are worth a loop in lockstep.
+    """
+    kinds = {*zip(rates.tolist(), elements.tolist(), strict=True)}
+    if len(rates) < fewest or len(kinds) > 1 or not lockstep.serves(int(elements[0]), rows):
+        return kernels.of_kinds(lanes, rates, elements, kernels.plain(rows))
+    ((rate, element),) = kinds
+    run = lockstep.in_lockstep(rate, element, 1 + int(rows[0, 0]))
+
+    def together(first, last, J, D, rates, elements, *others):
+        # a search that has ended goes on with any numbers, of which the interpreter alone would warn
+        with np.errstate(all="ignore"):
+            run(first, last, J, D, *others, *lockstep.work())
+
+    return together
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,29 +248,11 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     out = np.empty((len(axes), n, 3))
     X, C = np.zeros((len(axes), rows.states)), np.zeros((len(axes), drives.STATES))
 
-    run = kernels.of_kinds(lanes, rows.rates, rows.elements, kernels.plain(rows.rows))
+    run = loop_of(rows.rates, rows.elements, rows.rows)
+    laws = rows.rates, rows.elements, rows.rows
 
     def work(first: int, last: int) -> None:
-        run(
-            first,
-            last,
-            J,
-            D,
-            rows.rates,
-            rows.elements,
-            rows.rows,
-            X,
-            S,
-            C,
-            inputs,
-            r,
-            supplies,
-            switches,
-            warmth,
-            dt,
-            substeps,
-            out,
-        )
+        run(first, last, J, D, *laws, X, S, C, inputs, r, supplies, switches, warmth, dt, substeps, out)
 
     spread(work, len(axes), workers)
     position, velocity, torque = np.moveaxis(out, 2, 0)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._assembly import put_in
-from backdrive._jit import jit, specialise
+from backdrive._jit import jit, ladder, specialise
 from backdrive.laws import kernels
 
 BLOCK = 64  # ticks
@@ -106,6 +106,15 @@ def one_by_one(rate: int, element: int, plain: bool, sections: int, tame: bool) 
     return specialise(lanes, rate, element, int(plain), sections, int(tame))
 
 
+@ladder
+def column(Q: Any, j: int) -> Any:
+    """Return a column of a table with COLUMNS rows as a tuple, which kernels index like a row."""
+    return (
+        Q[0, j], Q[1, j], Q[2, j], Q[3, j], Q[4, j], Q[5, j], Q[6, j], Q[7, j],
+        Q[8, j], Q[9, j], Q[10, j], Q[11, j], Q[12, j], Q[13, j], Q[14, j], Q[15, j],
+    )  # fmt: skip
+
+
 @cache
 def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> Callable:
     """Return the interleaved loop of one law over lanes, for an element whose state is one number.
@@ -155,10 +164,7 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
                             if not tame:
                                 d = kernels.within(v, d, dt)
                             at = start + k if loads else 0
-                            p: Any = (  # a tuple, which kernels index like a row
-                                Q[0, j], Q[1, j], Q[2, j], Q[3, j], Q[4, j], Q[5, j], Q[6, j], Q[7, j],
-                                Q[8, j], Q[9, j], Q[10, j], Q[11, j], Q[12, j], Q[13, j], Q[14, j], Q[15, j],
-                            )  # fmt: skip
+                            p = column(Q, j)
                             pair, t = (load[on, at, 0], load[on, at, 1]), temp[on, start + k if temps else 0]
                             Z[j], U[k, j] = kernels.step_one(
                                 rate, element, True, p, place, Z[j], v, d, dt, pair, t

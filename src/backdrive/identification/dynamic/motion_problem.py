@@ -14,13 +14,13 @@ import numpy as np
 from backdrive.engine import Axis, drives
 from backdrive.engine import axis as axis_
 from backdrive.engine.cores import spread
-from backdrive.engine.forward import lanes
+from backdrive.engine.forward import loop_of
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.motion_terms import Range, assemble, column
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
-from backdrive.laws import REFERENCE, kernels
+from backdrive.laws import REFERENCE
 
 FLEXIBLE = (
     "offset",
@@ -223,19 +223,20 @@ class MotionProblem(Problem):
         for group in self._groups:
             motion = self._run(group, law, P, states, J, D, factor, start, sizes)
             for m, k in enumerate(group["which"]):
-                out[k] = motion[:, m, : len(self.logs[k].position), 0 if self.signal == "position" else 1]
+                out[k] = motion[m, :, : len(self.logs[k].position), 0 if self.signal == "position" else 1]
                 out[k][nonsense] = np.nan
         return out
 
     def _run(self, group, law, P, states, J, D, factor, start, sizes):
+        """Return the motions of a group, (M, B, n, 3). The sets of one log stand side by side: they move alike, in lockstep."""
         B, M, n = len(P), len(group["which"]), group["n"]
         gain = (
             np.array([[D[i, 2] if k is None else k for k in group["proportional"]] for i in range(B)])
             * factor[:, None]
         )
-        D, J = np.repeat(D, M, axis=0), np.repeat(J, M, axis=0)
-        D[:, 2] = gain.ravel()
-        at = (group["start"] + start[:, group["which"]]).reshape(-1, 2)
+        D, J, P = (np.tile(x, (M, 1)) for x in (D, J, P))
+        D[:, 2] = gain.T.ravel()
+        at = (group["start"] + start[:, group["which"]]).swapaxes(0, 1).reshape(-1, 2)
         S = np.empty((B * M, axis_.STATES))
         S[:, 0] = S[:, 2] = at[:, 0]
         S[:, 1] = S[:, 3] = at[:, 1]
@@ -243,43 +244,23 @@ class MotionProblem(Problem):
         yields = J[:, 6] == 0.0
         S[yields, 2] -= S[yields, 4] / J[yields, 2]  # initial deflection: the transmission carries gravity
         rates, elements = np.full(B * M, law.rate.KIND), np.full(B * M, law.element.KIND)
-        P, X = np.repeat(P, M, axis=0), np.zeros((B * M, states))
-        C, out = np.zeros((B * M, drives.STATES)), np.empty((B * M, n, 3))
-        which, r = np.tile(np.arange(M), B), group["input"]
+        X, C, out = np.zeros((B * M, states)), np.zeros((B * M, drives.STATES)), np.empty((B * M, n, 3))
+        which, r = np.repeat(np.arange(M), B), group["input"]
         supply, enabled, temp = group["supply"], group["enabled"], group["temperature"]
         if sizes:  # every lane has its own input
-            r = np.tile(r, (B, 1))
+            r = np.repeat(r, B, axis=0)
             for name, size in sizes.items():
-                r += (size[:, None, None] * self._course(name, group)).reshape(B * M, n)
-            supply, enabled, temp = (np.tile(c, (B, 1)) for c in (supply, enabled, temp))
+                r += (size[:, None] * self._course(name, group)[:, None]).reshape(B * M, n)
+            supply, enabled, temp = (np.repeat(c, B, axis=0) for c in (supply, enabled, temp))
             which = np.arange(B * M)
 
-        run = kernels.of_kinds(lanes, law.rate.KIND, law.element.KIND)
+        run, laws, steps = loop_of(rates, elements, P, 1), (rates, elements, P), (group["dt"], self.substeps)
 
         def work(first: int, last: int) -> None:
-            run(
-                first,
-                last,
-                J,
-                D,
-                rates,
-                elements,
-                P,
-                X,
-                S,
-                C,
-                which,
-                r,
-                supply,
-                enabled,
-                temp,
-                group["dt"],
-                self.substeps,
-                out,
-            )
+            run(first, last, J, D, *laws, X, S, C, which, r, supply, enabled, temp, *steps, out)
 
         spread(work, B * M, self.workers)
-        return out.reshape(B, M, n, 3)
+        return out.reshape(M, B, n, 3)
 
     def _course(self, name: str, group) -> np.ndarray:
         courses = [
