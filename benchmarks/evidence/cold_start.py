@@ -3,7 +3,7 @@
 Each command is a process of its own; processor time counts its children too. What is compiled is written down by numba itself, in
 every process, as its compiler begins: functions and the types of their arguments. Required beside the times: the second run of each
 command compiles nothing, and no function is compiled twice for arrays that differ only by being read-only or by how they lie in
-memory. `demo` and the first `Loop` are goals: printed, not judged.
+memory. `demo` and the first `Loop` are goals: printed, not judged. The package's bytecode is there, as after `pip install`.
 
     python benchmarks/evidence/cold_start.py [--short] [--only identify]
 """
@@ -22,6 +22,8 @@ from typing import NamedTuple
 
 import numpy as np
 from _common import Judge, parser
+
+import backdrive
 
 #: Loaded by every Python process of a command: notes what numba compiles, as soon as numba itself is imported.
 WATCH = """
@@ -83,6 +85,8 @@ TUNE = (
     *("tune", "preset:thesis/hp3j", "--joint", "joint_0", "--stiffness", "8e4:1.2e5", "--inertia", "0.6:0.8"),
     *("--top-speed", "3", "-o", "tuning.json"),
 )
+#: Python may keep bytecode, as it does for users.
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 COMMANDS = {
     "demo": Command(("-m", "backdrive", "demo"), 6.0, False),
     "reproduce fig-3.8": Command(("-m", "backdrive", "reproduce", "fig-3.8", "--folder", "book"), 9.0, True),
@@ -120,10 +124,10 @@ def run(command: Command, place: Path, cache: Path) -> Outcome:
     """Run a command in a folder and return what it cost."""
     notes = place / "compiled.txt"
     notes.write_text("")
-    given = os.environ | {
+    given = ENVIRONMENT | {
         "NUMBA_CACHE_DIR": str(cache),
         "COMPILED_LIST": str(notes),
-        "PYTHONPATH": os.pathsep.join([str(place / "watch"), os.environ.get("PYTHONPATH", "")]).rstrip(
+        "PYTHONPATH": os.pathsep.join([str(place / "watch"), ENVIRONMENT.get("PYTHONPATH", "")]).rstrip(
             os.pathsep
         ),
         "MPLCONFIGDIR": str(place / "matplotlib"),
@@ -138,6 +142,12 @@ def run(command: Command, place: Path, cache: Path) -> Outcome:
     return Outcome(
         after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, notes.read_text().splitlines()
     )
+
+
+def install_bytecode() -> None:
+    """Compile the package's modules to bytecode, as pip does where it installs them."""
+    folder = str(Path(backdrive.__file__).parent)
+    subprocess.run([sys.executable, "-m", "compileall", "-q", folder], env=ENVIRONMENT, check=True)
 
 
 def twice(compiled: list[str]) -> list[str]:
@@ -161,6 +171,7 @@ def main() -> None:
         (place / "watch").mkdir()
         (place / "watch" / "sitecustomize.py").write_text(WATCH)
         write_log(place / "log.csv")
+        install_bytecode()
         print(
             f"{'command':22s}{'first [s]':>10s}{'goal':>6s}{'second [s]':>12s}{'compiled':>10s}{'second':>8s}"
         )

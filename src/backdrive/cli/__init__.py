@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from typing import Any
 
 from backdrive._blas import VARIABLES
 from backdrive.cli import _interrupt
+
+OBJECTS = 50_000  # new objects between two searches for garbage: imports and compiling make many that stay
 
 
 def main() -> None:
@@ -16,6 +19,7 @@ def main() -> None:
     Every failure becomes one message and an exit code: 0 to 4, or 130 after Ctrl-C.
     """
     os.environ.update(dict.fromkeys(VARIABLES, "1"))  # nothing is loaded yet
+    gc.set_threshold(OBJECTS, 20, 50)
     with _interrupt.watch():
         try:
             code = _run()

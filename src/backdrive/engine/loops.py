@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._assembly import put_in
-from backdrive._jit import jit, ladder, specialise
+from backdrive._jit import ladder, specialise
 from backdrive.laws import kernels
 
 BLOCK = 64  # ticks
@@ -36,16 +36,6 @@ def work() -> tuple[np.ndarray, ...]:
         np.empty(LANES),
         np.empty((2, BLOCK, LANES)),
     )
-
-
-@jit
-def wild(dp, limit):
-    """Return the number of increments whose magnitude exceeds a limit; a NaN does not count."""
-    count = 0
-    for m in range(dp.shape[0]):
-        for k in range(dp.shape[1]):
-            count += abs(dp[m, k]) > limit
-    return count
 
 
 @cache

@@ -13,8 +13,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.optimize import minimize_scalar, nnls
 
 from backdrive.identification.noise import covariance_of_fit
 
@@ -98,6 +96,8 @@ def overcome(
     Returns:
         Friction and standard error; None if the ramp is not straight, or the slide is too short.
     """
+    from scipy.optimize import minimize_scalar, nnls  # a slow import, which only ramps need
+
     begin, at, turn = slip
     end = turn - round(EDGE * rate)
     gone = np.flatnonzero(np.abs(position[at:end] - position[at]) > least)
@@ -111,7 +111,8 @@ def overcome(
     before = slice(max(at - round(4 * EDGE * rate), begin), at - round(EDGE * rate))
     rest = float(np.median(position[before])) if before.stop > before.start else float(position[at])
     x = np.abs(position[at:last] - rest)
-    motion = np.stack([x, cumulative_trapezoid(x, dx=1.0 / rate, initial=0.0)], axis=1)[first - at :]
+    travel = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1])) / rate])
+    motion = np.stack([x, travel], axis=1)[first - at :]
     scale = np.linalg.norm(motion, axis=0)
     time = np.arange(first - at, last - at) / rate
 

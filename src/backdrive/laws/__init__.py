@@ -129,6 +129,11 @@ class Law:
         return np.concatenate([[size], rate, grown, self.element.row()])
 
     @property
+    def plain(self) -> bool:
+        """Whether the law neither grows with the load nor differs by direction, so that shorter kernels do."""
+        return self.growth is None and not self.rate.MARK
+
+    @property
     def usual_load(self) -> tuple[float, float]:
         """Return the default pair of loads: zeros, or (0, NaN) for a law that grows.
 
@@ -170,7 +175,7 @@ class Law:
         loads = np.array([self.usual_load] if loads is None else loads.reshape(-1, 2))
         temps = np.array([REFERENCE] if temps is None else np.ravel(temps))
         out = np.empty(v.size)
-        steady = kernels.of_kinds(kernels.steady, self.rate.KIND)
+        steady = kernels.of_kinds(kernels.steady, self.rate.KIND, plain=self.plain)
         steady(self.rate.KIND, self.row(), np.ravel(v), loads, temps, out)
         return out.reshape(v.shape)
 
@@ -179,13 +184,13 @@ class Law:
         """Return the compiled steady torque of the rate law at one velocity: f(row, velocity), without a load and at 20 degC."""
         from backdrive.laws import kernels
 
-        return kernels.steady_of(self.rate.KIND)
+        return kernels.steady_of(self.rate.KIND, self.plain)
 
     def coulomb(self) -> tuple[float, float]:
         """Return F_p and F_n of Iwatani 2017, (3.1): friction at the slowest motion along +q and along -q [N.m or N]."""
         from backdrive.laws import kernels
 
-        limits = kernels.of_kinds(kernels.limits, self.rate.KIND)
+        limits = kernels.of_kinds(kernels.limits, self.rate.KIND, plain=self.plain)
         lo, hi, _ = limits(self.rate.KIND, self.row(), 0.0, self.usual_load, REFERENCE)
         return float(hi), float(-lo)
 

@@ -222,7 +222,7 @@ class Rate(Rows):
         """
         from backdrive.laws import kernels
 
-        limits, row = kernels.of_kinds(kernels.limits, self.KIND), self.row()
+        limits, row = kernels.of_kinds(kernels.limits, self.KIND, plain=not self.MARK), self.row()
         row = np.concatenate([[row.size + self.MARK], row])
         result: dict[float, list[tuple[float, float, float]]] = {}
         for way in (1.0, -1.0):

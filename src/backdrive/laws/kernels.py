@@ -273,14 +273,14 @@ def steady(rate: int, p: Array, v: Array, load: Array, temp: Array, out: Array):
 
 
 @cache
-def steady_of(rate: int) -> Callable[..., Any]:
+def steady_of(rate: int, plain: bool = False) -> Callable[..., Any]:
     """Return the steady friction torque of a rate law at one velocity, without a load and at 20 degC: f(p, v)."""
-    steady = of_kinds(steady_at, rate)
+    steady = of_kinds(steady_at, rate, plain=plain)
 
     def at(p: Array, v: float):
         return steady(rate, p, v)
 
-    return specialise(at, rate)
+    return specialise(at, rate, int(plain))
 
 
 @jit
