@@ -172,6 +172,8 @@ def test_a_torque_that_a_method_does_not_look_at_is_said():
     )
     (said,) = external_torque_notes([log_of("a"), known], "sweep")
     assert said.startswith("The method 'sweep' does not use the torque known from elsewhere")
+    assert external_torque_notes([known], "dynamic") == []
+    assert external_torque_notes([known], "dynamic", driven=True) == [said.replace("sweep", "dynamic")]
 
 
 def test_joints_move_together_where_more_than_a_fifth_of_the_samples_have_two_moving():

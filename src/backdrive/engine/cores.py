@@ -58,9 +58,9 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
             left.clear()
 
     beside = [Thread(target=serve_beside, daemon=True) for _ in range(workers - 1)]
-    for thread in beside:
-        thread.start()
     try:  # the caller's thread works too: it already has a core, and systems are slow to place new threads
+        for thread in beside:
+            thread.start()
         serve()
         for thread in beside:
             thread.join()
@@ -70,7 +70,8 @@ def spread(work: Callable[[int, int], None], count: int, workers: int | None = N
     except BaseException:
         left.clear()
         for thread in beside:
-            thread.join()
+            if thread.is_alive():
+                thread.join()
         raise
     if failures:
         raise failures[0]

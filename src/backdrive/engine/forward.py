@@ -60,11 +60,11 @@ def loop_of(
         rows: parameters of its law, (L, P).
         fewest: least number of lanes that are worth a loop in lockstep.
     """
-    kinds = {*zip(rates.tolist(), elements.tolist(), strict=True)}
+    kinds = {*zip(rates.tolist(), elements.tolist(), rows[:, 0].tolist(), strict=True)}
     if len(rates) < fewest or len(kinds) > 1 or not lockstep.serves(int(elements[0]), rows):
         return kernels.of_kinds(lanes, rates, elements, kernels.plain(rows))
-    ((rate, element),) = kinds
-    run = lockstep.in_lockstep(rate, element, 1 + int(rows[0, 0]))
+    ((rate, element, size),) = kinds
+    run = lockstep.in_lockstep(rate, element, 1 + int(size))
 
     def together(first, last, J, D, rates, elements, *others):
         # a search that has ended goes on with any numbers, of which the interpreter alone would warn

@@ -134,9 +134,19 @@ def slow_clock(logs: Sequence[Log]) -> list[str]:
     ]
 
 
-def external_torque_notes(logs: Sequence[Log], method: str) -> list[str]:
-    """Return sentences on known torques in the logs that the method does not use."""
-    if method in ("motion", "dynamic") or all(log.model_torque is None for log in logs):
+def external_torque_notes(logs: Sequence[Log], method: str, driven: bool = False) -> list[str]:
+    """Return sentences on known torques in the logs that the method does not use.
+
+    Args:
+        logs: of the identification.
+        method: of it.
+        driven: motion is fitted given the drive's input, rather than torque given motion.
+    """
+    if (
+        method == "motion"
+        or (method == "dynamic" and not driven)
+        or all(log.model_torque is None for log in logs)
+    ):
         return []
     return [
         f"The method '{method}' does not use the torque known from elsewhere (tau_model); subtract it from the torque "

@@ -26,7 +26,7 @@ from backdrive.identification.evidence import (
     sentences,
     without_errors,
 )
-from backdrive.identification.model_torque import AS_ONE, add, is_felt, is_taken_as_one, subtract, with_share
+from backdrive.identification.model_torque import LEFT_OUT, leave_out
 from backdrive.identification.motion_bins import (
     BIN_TIME,
     FILLED,
@@ -106,9 +106,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slower_way = min(-velocity[0], velocity[1])
     both = slower_way > 0.05 * top
     pulls = gravity if about.unit == "rad" and travel > SPAN_FOR_GRAVITY else False
-    as_one = is_taken_as_one(stretches, pulls is not False)
-    if as_one:
-        stretches = subtract(stretches)
+    without = leave_out(stretches, pulls is not False)
+    stretches = without or stretches
     given: dict[str, Any] = {
         "dynamic": True,
         "gravity": pulls,
@@ -174,8 +173,6 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     choice = design.offset_apart(choice)
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))
-    if as_one and is_felt(logged):
-        friction = with_share(friction)
     friction = with_warnings(friction, choice, both)
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
     reversals = sum(turns(s.velocity[s.moving]).size for s in stretches)
@@ -192,8 +189,6 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     )
     others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
     unseen = predict_blocks(stretches, choice, slip.delay, seconds) if not held_out else None
-    if unseen and as_one:
-        unseen = add(unseen, logged)
     parts, of_others = parts_of(friction, logged, True), parts_of(friction, others, False)
     fitted, held = assess_both(parts, unseen) if unseen else (assess_parts(parts), assess_parts(of_others))
     del unseen
@@ -220,7 +215,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     )
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     fixed = "" if delay is None else describe(delay)
-    known = AS_ONE if as_one and "model_torque" in friction.dynamics else ""
+    known = LEFT_OUT if without and any(np.any(s.model_torque) for s in logged) else ""
     said = filter(None, (support.verdict, constant, fixed, known, smooth.note))
     return friction, replace(support, verdict=" ".join(said))
 

@@ -187,7 +187,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     names, idle = moving_joints(logs, joints)
     method, reason = _method(logs, names, options)
     options.applicable(method)
-    warnings += external_torque_notes(logs, method)
+    warnings += external_torque_notes(logs, method, method == "dynamic" and _is_driven(logs, options))
     warnings += slow_clock(logs) if method in ("sweep", "motion", "arm", "dynamic") else []
     if method != "arm":
         warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]
@@ -256,12 +256,16 @@ def _searches(logs: Sequence[Log], options: Options) -> bool:
     return any(log.torque is None and log.drive_input is not None for log in logs)
 
 
+def _is_driven(logs: Sequence[Log], options: Options) -> bool:
+    from backdrive.identification.dynamic import is_driven
+
+    return is_driven(logs, options)
+
+
 def _method(logs: Sequence[Log], names: Sequence[str], options: Options) -> tuple[str, str]:
     """Return the method and the reason for it."""
     if _searches(logs, options):
-        from backdrive.identification.dynamic import is_driven
-
-        if is_driven(logs, options):
+        if _is_driven(logs, options):
             return "dynamic", "laws are fitted to the motion that follows from the drive's input"
         return "dynamic", "laws are fitted to the torque along the logged motion"
     if options.method == "auto":

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from backdrive.identification.design import LARGEST_SLIP
-from backdrive.identification.model_torque import as_gravity
+from backdrive.identification.model_torque import is_gravity
 from backdrive.identification.plausibility_residual import delay
 from backdrive.identification.remark import EARLY, ONE_WAY_ONLY, SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
@@ -15,6 +15,7 @@ from backdrive.laws.direction import ByDirection
 
 CANCEL = 3.0  # size of two opposing terms, relative to the torque, above which they cancel each other [-]
 HALF_KNOWN = 0.5  # standard error of the model torque's factor above which it is undetermined [-]
+PHASE = 0.5  # largest part of gravity that a known torque has not got, relative to either, where the two are compared [-]
 KNOWN_DELAY = 0.1  # largest relative standard error of a known delay [-]
 ONE_WAY = 0.05  # ratio of the directions' top speeds below which the motion has one direction only [-]
 UNEQUAL = 3.0  # largest ratio of the directions' friction without a remark [-]
@@ -179,23 +180,25 @@ def delay_range(case: Case) -> Remark | None:
 
 
 def _gravity_share(case: Case) -> float:
-    """Return what the fitted gravity has of a known torque that is itself gravity [-]; 0 if the two are small or different."""
+    """Return how much of a known torque that is gravity the fitted gravity is [-]; NaN if it is small, or another torque."""
     res, terms = case.residual, [term for term in GRAVITY if term in case.friction.dynamics]
-    if res is None or not terms or not np.isfinite(res.position).all():
-        return 0.0
+    if res is None or not np.isfinite(res.position).all() or not res.known.std() > SHARE * res.size:
+        return math.nan
+    if not is_gravity([res.position], [res.known], [res.torque]):
+        return math.nan
     known = res.known - res.known.mean()
-    if not known.std() > SHARE * res.size or as_gravity([res.position], [res.known]) is None:
-        return 0.0
-    left = np.array([case.value(term)[0] for term in terms]) @ columns(res, terms)
-    return float(known @ left / (known @ known))
+    pull = np.array([case.value(term)[0] for term in terms]) @ columns(res, terms) if terms else 0.0 * known
+    share = float(known @ pull / (known @ known))
+    out_of_phase = pull - pull.mean() - share * known
+    return share if out_of_phase.std() <= PHASE * max(float(pull.std()), float(known.std())) else math.nan
 
 
 def external_share(case: Case) -> Remark | None:
     """Remark on a factor of the model torque other than one."""
     value, error = case.value("model_torque")
     sure = math.isfinite(error)
-    remaining = 0.0 if sure else _gravity_share(case)
-    value += remaining
+    if not sure:  # left out or taken as one, and gravity fitted in its place or beside it
+        value = _gravity_share(case) + (0.0 if math.isnan(value) else value)
     if sure and error > HALF_KNOWN:
         return Remark(
             severity="care",
@@ -215,7 +218,7 @@ def external_share(case: Case) -> Remark | None:
         cause = (
             "it has the opposite sign of the measured torque. Read it with a minus (--map tau_model=-COLUMN)"
         )
-        accurate = remaining != 0.0 or (sure and error < SHARE)
+        accurate = not sure or error < SHARE
         if accurate and abs(value + 1.0) <= (max(SURE * error, SHARE) if sure else SHARE):
             cause += "; the fit has corrected it, so friction is right"
         else:

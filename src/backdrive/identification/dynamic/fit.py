@@ -144,19 +144,31 @@ class Fit:
         return [y - np.clip(y, *self.problem.bracket(self.values, record, x)) for record, x, (y, _) in series]
 
 
-def conclude(problem: Problem, found: SearchResult, loss: str = "huber") -> Fit:
-    """Return the fit at the end of a search: values, errors, parameters at a bound and parameters not determined."""
+def conclude(
+    problem: Problem,
+    found: SearchResult,
+    loss: str = "huber",
+    whiten: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> Fit:
+    """Return the fit at the end of a search: values, errors, parameters at a bound and parameters not determined.
+
+    Args:
+        problem: whose residuals were fitted.
+        found: end of the search.
+        loss: of the search.
+        whiten: what the search did to the residuals, (..., m); None: nothing.
+    """
     found = problem.sort_elements(found)
     values = problem.values(found.point)
-    low = found.point <= problem.lower + NEAR
+    low, inputs = found.point <= problem.lower + NEAR, problem.encoder(found.point)
     at_bound = low | (found.point >= problem.upper - NEAR)
     cov = search_covariance(
         found.jacobian,
         found.residual,
         found.weight,
         ~at_bound,
-        problem.instants,
-        problem.encoder(found.point),
+        problem.instants if found.instants is None else found.instants,
+        inputs if whiten is None else whiten(inputs),
     )
     root = np.sqrt(np.diag(cov.matrix))
     errors, relative = {}, np.full(len(root), np.inf)

@@ -105,6 +105,10 @@ class Task(ABC):
     def explains(self, final: Fit, judged: Fit) -> bool:
         """Return whether to use the fit to all data; otherwise the fit without held-out data is used."""
 
+    def sharpen(self, final: Fit) -> Fit:
+        """Return the final fit with smaller errors, where the noise allows it; by default the same."""
+        return final
+
     @abstractmethod
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
         """Return friction and evidence from the final fit and from the fit without held-out data."""
@@ -161,18 +165,9 @@ def fit_joint(task: Task) -> JointFit:
             choice = replace(choice, reason=f"{choice.reason} {words}; the simpler law is kept.")
     best = choice.candidate().fit
     assert best is not None
-    final, remarks, whole = best, list(task.remarks), task.whole
-    if whole is not None and not stopped:
-        work.begin(f"{name}: fitting {best.name} to everything")
-        again = result_or_none(lambda: task.fit(best.name, whole, best.values))
-        stopped = again is None or again.interrupted
-        if again is not None and task.explains(again, best):
-            final = again
-        elif not stopped:
-            remarks.append(
-                "The fit to all data explains the log worse than the fit without the held-out windows, so the "
-                "latter's parameters are used."
-            )
+    final, remarks = best, list(task.remarks)
+    if not stopped:
+        final, stopped = _final(task, best, work, remarks)
     work.end()
     ends, done = final.intervals_until_stop(
         "covariance" if stopped else options.interval,
@@ -192,6 +187,26 @@ def fit_joint(task: Task) -> JointFit:
         notes=task.notes,
         settings=task.settings(final, choice.candidate().held_out),
     )
+
+
+def _final(task: Task, best: Fit, work: Work, remarks: list[str]) -> tuple[Fit, bool]:
+    """Return the fit to all data, or the best one if that explains them worse, and whether a person stopped it."""
+    final, whole = best, task.whole
+    if whole is not None:
+        work.begin(f"{task.info.name}: fitting {best.name} to everything")
+        again = result_or_none(lambda: task.fit(best.name, whole, best.values))
+        stopped = again is None or again.interrupted
+        if again is not None and task.explains(again, best):
+            final = again
+        elif not stopped:
+            remarks.append(
+                "The fit to all data explains the log worse than the fit without the held-out windows, so the "
+                "latter's parameters are used."
+            )
+        if stopped:
+            return final, True
+    sharp = result_or_none(lambda: task.sharpen(final)) if task.options.interval == "covariance" else final
+    return (final, True) if sharp is None else (sharp, sharp.interrupted)
 
 
 def work_of(task: Task) -> Work:

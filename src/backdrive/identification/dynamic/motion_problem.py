@@ -15,6 +15,7 @@ from backdrive.engine import Axis, drives
 from backdrive.engine import axis as axis_
 from backdrive.engine.cores import spread
 from backdrive.engine.forward import loop_of
+from backdrive.engine.series import stack_rows
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.dynamic.motion_log import MotionLog
 from backdrive.identification.dynamic.motion_terms import Range, assemble, column
@@ -204,8 +205,8 @@ class MotionProblem(Problem):
                 sizes[name] = numbers
             else:
                 start[:, log, at] = numbers
-        rows, nonsense, states = [], np.zeros(B, dtype=bool), 2
-        law = None
+        rows: list[np.ndarray | None] = []
+        nonsense, states, law = np.zeros(B, dtype=bool), 2, None
         for i, v in enumerate(values):
             try:
                 law = self.shape.law(v)
@@ -213,12 +214,11 @@ class MotionProblem(Problem):
                 states = max(states, law.state().size)
             except InvalidInput:
                 nonsense[i] = True
-                rows.append(rows[-1] if rows else np.zeros(1))
+                rows.append(None)
         if law is None:
             return [np.full((B, len(log.position)), np.nan) for log in self.logs]
-        P = np.zeros((B, max(r.size for r in rows)))
-        for i, row in enumerate(rows):
-            P[i, : row.size] = row
+        valid = law.row()  # in the place of those that no law has
+        P = stack_rows([valid if row is None else row for row in rows])
         out: list[np.ndarray] = [np.empty(0)] * len(self.logs)
         for group in self._groups:
             motion = self._run(group, law, P, states, J, D, factor, start, sizes)

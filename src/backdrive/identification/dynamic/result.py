@@ -154,13 +154,12 @@ def _share_rows(final: Fit, count: int, row_of: Mapping[str, np.ndarray]) -> dic
 
 def band(final: Fit, velocity: np.ndarray) -> np.ndarray:
     """Return the standard error of the steady curve at velocities [N.m or N]."""
-    at = np.isfinite([final.standard_errors[n] for n in final.problem.names])
-    cov = search_covariance(
-        final.found.jacobian, final.found.residual, final.found.weight, at, final.problem.instants
-    )
+    at, found = np.isfinite([final.standard_errors[n] for n in final.problem.names]), final.found
+    instants = final.problem.instants if found.instants is None else found.instants
+    cov = search_covariance(found.jacobian, found.residual, found.weight, at, instants)
     centre, columns = final.law.torque(velocity), []
     for i in np.flatnonzero(at):
-        moved = final.found.point.copy()
+        moved = found.point.copy()
         step = -1e-5 if moved[i] + 1e-5 > final.problem.upper[i] else 1e-5
         moved[i] += step
         law = final.problem.shape.law(final.problem.values(moved))

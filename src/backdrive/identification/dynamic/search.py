@@ -44,6 +44,7 @@ class SearchResult:
         converged: the last steps hardly lowered the cost.
         evaluations: number of evaluations of the model.
         interrupted: a person stopped the search; this is the best result so far.
+        instants: index of the sample of each residual, (m,); None: as the problem has them.
     """
 
     point: np.ndarray
@@ -54,6 +55,7 @@ class SearchResult:
     converged: bool
     evaluations: int
     interrupted: bool = False
+    instants: np.ndarray | None = None
 
 
 class Search:

@@ -12,6 +12,7 @@ from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
+from backdrive.identification.dynamic.colour import whiten_noise
 from backdrive.identification.dynamic.crossing import (
     fast,
     is_bounded,
@@ -29,7 +30,7 @@ from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.motion import identify_motion
-from backdrive.identification.motion_bins import moves_of, period_of
+from backdrive.identification.motion_bins import bin_time, moves_of, period_of
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
@@ -210,6 +211,10 @@ class TorqueTask(Task):
         return (
             choice.training_error(final, stretches)[0] <= WORSE * choice.training_error(judged, stretches)[0]
         )
+
+    def sharpen(self, final: Fit) -> Fit:
+        """Return the final fit with its coloured noise whitened, if that is worth it."""
+        return whiten_noise(final, bin_time([s for s, _ in self.pairs], self.cutoff))
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
         """Return friction and evidence from the final fit and from the fit without held-out data."""

@@ -1,0 +1,88 @@
+"""Laws fitted along a motion whose torque has coloured noise: the last fit whitens it, and states errors that hold."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from backdrive import identify
+from backdrive.identification.dynamic import torque_task
+from backdrive.identification.dynamic.colour import bins_of, neighbours, whiten_noise
+from backdrive.logs.log import Joint, Log
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
+
+import _independent as independent
+
+TRUTH = independent.Joint(coulomb=1.5, viscous=0.4, inertia=0.15, gravity=(2.0, 0.5))
+LAW = {"law": "coulomb-viscous", "symmetric": True}
+
+
+def log_of(seed, colour=0.98, noise=0.08, **logger):
+    rng = np.random.default_rng(seed)
+    motion = independent.multisine(20.0, 2.0, rng)
+    made = independent.record(
+        TRUTH, motion, independent.Logger(rate=200.0, noise=noise, colour=colour, **logger), rng
+    )
+    channels = {"position": made.position[:, None], "torque": made.torque[:, None]}
+    return Log(time=made.time, joints=(Joint(name="joint"),), **channels)
+
+
+@pytest.fixture
+def fits(monkeypatch):
+    """Return the fits before and after, as they are made."""
+    made = []
+
+    def keep(fit, seconds):
+        made.append((fit, whiten_noise(fit, seconds)))
+        return made[-1][1]
+
+    monkeypatch.setattr(torque_task, "whiten_noise", keep)
+    return made
+
+
+def test_coloured_noise_is_whitened_and_errors_are_smaller_and_hold(fits):
+    results = [identify(log_of(seed), **LAW) for seed in range(8)]
+    used = [(a, b) for a, b in fits if b is not a]
+    assert len(used) >= 4
+    for first, second in used:
+        assert second.standard_errors["coulomb_positive"] < 0.9 * first.standard_errors["coulomb_positive"]
+        assert second.rms == pytest.approx(first.rms, rel=0.1) and second.samples == first.samples
+    far = [
+        (fit.values[name] - truth) / fit.standard_errors[name]
+        for _, fit in fits
+        for name, truth in (("coulomb_positive", 1.5), ("viscous_positive", 0.4), ("inertia", 0.15))
+    ]
+    assert np.sqrt(np.mean(np.square(far))) < 1.6
+    curve = results[0].evidence[0].curve
+    assert np.all(curve.standard_error[np.abs(curve.velocity) > 0.2] > 0.0)
+
+
+def test_white_noise_leaves_the_fit_as_it_is(fits):
+    identify(log_of(1, colour=0.0), **LAW)
+    ((first, second),) = fits
+    assert second is first
+
+
+def test_a_profile_is_that_of_the_first_fit(fits):
+    identify(log_of(2), **LAW, interval="profile")
+    assert fits == []
+
+
+def test_bins_hold_neighbouring_samples_alone():
+    instants = np.array([0, 1, 2, 3, 4, 6, 7, 9, 10, 11, 12, 13, 14, 15, 100, 101, 102, 103])
+    bins, average = bins_of(instants, 4)
+    assert bins.tolist() == [0, 1, 2, 3, 25]  # of the second and the third, three samples of four
+    residual = np.stack([np.ones(18), instants.astype(float)])
+    assert average(residual)[0] == pytest.approx(np.sqrt([4, 3, 3, 4, 4]))
+    assert average(residual)[1, 0] == pytest.approx((0 + 1 + 2 + 3) / 2.0)
+    assert average(instants.astype(float))[2] == pytest.approx((9 + 10 + 11) / np.sqrt(3.0))
+
+
+def test_the_correlation_of_neighbours():
+    rng = np.random.default_rng(0)
+    series = independent.noise(200_000, 1.0, 0.7, rng)
+    assert neighbours(series, np.ones(series.size - 1, dtype=int)) == pytest.approx(0.7, abs=0.01)
+    assert neighbours(series, np.full(series.size - 1, 2)) == 0.0
+    assert neighbours(np.zeros(9), np.ones(8, dtype=int)) == 0.0
