@@ -1,4 +1,4 @@
-"""Laws fitted along a motion whose torque has coloured noise: the last fit whitens it, and states errors that hold."""
+"""Laws fitted along a motion under coloured noise or a coarse encoder: the last fit sees to both, and states errors that hold."""
 
 import sys
 from pathlib import Path
@@ -8,7 +8,7 @@ import pytest
 
 from backdrive import identify
 from backdrive.identification.dynamic import torque_task
-from backdrive.identification.dynamic.colour import bins_of, neighbours, whiten_noise
+from backdrive.identification.dynamic.colour import bins_of, neighbours, whiten_noise, without_attenuation
 from backdrive.logs.log import Joint, Log
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
@@ -57,6 +57,24 @@ def test_coloured_noise_is_whitened_and_errors_are_smaller_and_hold(fits):
     assert np.sqrt(np.mean(np.square(far))) < 1.6
     curve = results[0].evidence[0].curve
     assert np.all(curve.standard_error[np.abs(curve.velocity) > 0.2] > 0.0)
+
+
+def test_a_coarse_encoder_does_not_make_the_inertia_too_small(monkeypatch):
+    made = []
+
+    def keep(fit):
+        made.append((fit, without_attenuation(fit)))
+        return made[-1][1]
+
+    monkeypatch.setattr(torque_task, "without_attenuation", keep)
+    for seed in range(6):
+        identify(log_of(seed, colour=0.0, noise=0.05, counts=4096.0), **LAW)
+    before, after = (np.array([pair[i].values["inertia"] for pair in made]) / 0.15 - 1.0 for i in (0, 1))
+    assert before.mean() < -0.01
+    assert abs(after.mean()) < 0.5 * abs(before.mean())
+    far = [[(f.values["inertia"] - 0.15) / f.standard_errors["inertia"] for f in pair] for pair in made]
+    first, last = np.sqrt(np.mean(np.square(far), axis=0))
+    assert last < 0.7 * first
 
 
 def test_white_noise_leaves_the_fit_as_it_is(fits):

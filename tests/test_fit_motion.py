@@ -147,7 +147,9 @@ def test_the_batch_is_what_the_engine_gives():
     assert same == pytest.approx(logs[1].position, abs=1e-12)
     axis = PENDULUM.replace(drive=PENDULUM.drive.replace(proportional=2 * GAINS[1]))
     assert twice == pytest.approx(forward(axis, GOALS[1], dt=DT).position[0], abs=1e-12)
-    nonsense, alone = problem.predict([{**values, "coulomb": np.nan}, values])[1]  # what no law has spoils no other
+    nonsense, alone = problem.predict([{**values, "coulomb": np.nan}, values])[
+        1
+    ]  # what no law has spoils no other
     assert np.all(np.isnan(nonsense)) and np.array_equal(alone, same)
     point = problem.point(values)
     assert problem.values(point) == pytest.approx(values)

@@ -15,8 +15,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.identification.dynamic.attenuation import restore_inertia
 from backdrive.identification.dynamic.fit import Fit, conclude
 from backdrive.identification.dynamic.search import Search
+from backdrive.identification.dynamic.torque import TorqueProblem
 
 FILLED = 0.75  # least share of the samples of a bin that count [-]
 FEWEST = 100  # least number of bins
@@ -35,7 +37,9 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
         seconds: length of a bin [s].
     """
     problem, first = fit.problem, fit.found
-    width = max(1, round(seconds / max(s.dt for s in problem.stretches)))  # type: ignore[attr-defined]
+    if not isinstance(problem, TorqueProblem):
+        return fit
+    width = max(1, round(seconds / max(s.dt for s in problem.stretches)))
     bins, average = bins_of(problem.instants, width)
     if bins.size < FEWEST or first.interrupted:
         return fit
@@ -53,9 +57,11 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
         return result
 
     search = Search(lambda p: whiten(problem.residuals(p)), problem.lower, problem.upper, loss=fit.loss)
-    found = replace(search.run(first.point, iterations=ITERATIONS), instants=bins * width)
+    found = search.run(first.point, iterations=ITERATIONS)
+    converged = found.converged
+    found = replace(restore_inertia(problem, search, found, whiten), instants=bins * width)
     second = conclude(problem, found, fit.loss, whiten)
-    if not found.converged or second.at_bound != fit.at_bound or not _agrees(fit, second):
+    if not converged or second.at_bound != fit.at_bound or not _agrees(fit, second):
         return fit
     plain = np.concatenate(second.errors())
     return replace(
@@ -66,6 +72,20 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
         aic=fit.aic,
         evaluations=fit.evaluations + second.evaluations,
     )
+
+
+def without_attenuation(fit: Fit) -> Fit:
+    """Return a fit of torque with what the encoder took from its inertia given back; the same fit where that is little."""
+    problem = fit.problem
+    if not isinstance(problem, TorqueProblem):
+        return fit
+    search = Search(problem.residuals, problem.lower, problem.upper, loss=fit.loss)
+    found = restore_inertia(problem, search, fit.found)
+    if found is fit.found:
+        return fit
+    more = search.evaluations
+    found = replace(found, converged=fit.found.converged, evaluations=fit.found.evaluations + more)
+    return conclude(problem, found, fit.loss)
 
 
 def bins_of(instants: np.ndarray, width: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:

@@ -12,7 +12,7 @@ from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
-from backdrive.identification.dynamic.colour import whiten_noise
+from backdrive.identification.dynamic.colour import whiten_noise, without_attenuation
 from backdrive.identification.dynamic.crossing import (
     fast,
     is_bounded,
@@ -213,7 +213,12 @@ class TorqueTask(Task):
         )
 
     def sharpen(self, final: Fit) -> Fit:
-        """Return the final fit with its coloured noise whitened, if that is worth it."""
+        """Return the final fit without the encoder's effect on its inertia, and with its coloured noise whitened."""
+        restored = without_attenuation(final)
+        if (
+            restored is not final
+        ):  # the encoder's noise counts, whose neighbours differ in sign: it is not whitened so
+            return restored
         return whiten_noise(final, bin_time([s for s, _ in self.pairs], self.cutoff))
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
