@@ -13,7 +13,9 @@ import numpy as np
 
 from backdrive.identification.signals import Signals
 
-LEFT = 0.02  # largest rest that is no constant and no gravity, relative to the known torque, and to friction and inertia [-]
+# largest rest that is no constant and no gravity, and that is no constant, relative to the known torque, and to what is left of
+# the measured one, friction and inertia [-]
+LEFT, CHANGING = 0.02, 1e-3
 LEFT_OUT = (
     "The known torque is a constant or gravity itself, which a fit cannot tell from those terms: it was left out, and they were "
     "fitted in its place."
@@ -40,20 +42,25 @@ def is_gravity(
     inner, moments = gram[:size, :size], gram[:size, size:]
     fitted = np.linalg.lstsq(inner, moments, rcond=1e-12)[0]
     rest = np.diag(gram)[size:] - np.einsum("ij,ij->j", fitted, moments)
-    return bool(rest[0] <= LEFT**2 * min(gram[size, size], max(rest[1], 0.0)))
+    most = CHANGING if position is None else LEFT
+    return bool(rest[0] <= most**2 * min(gram[size, size], max(rest[1], 0.0)))
 
 
-def leave_out(stretches: Sequence[Signals], gravity: bool) -> list[Signals] | None:
+def leave_out(
+    stretches: Sequence[Signals], gravity: bool, others: Sequence[Signals] = ()
+) -> list[Signals] | None:
     """Return stretches without their known torque, where offset and gravity do as well; None if it has to stay.
 
     Args:
         stretches: of one joint.
         gravity: gravity may be fitted.
+        others: stretches on which the result is judged.
     """
-    parts = [(s, s.model_torque) for s in stretches if s.model_torque is not None]
-    if not parts or len(parts) < len(stretches):
+    every = [*stretches, *others]
+    parts = [(s, s.model_torque) for s in every if s.model_torque is not None]
+    if not parts or len(parts) < len(every):
         return None
     known, torque = [k[s.moving] for s, k in parts], [s.torque[s.moving] for s, _ in parts]
-    angles = [s.position[s.moving] for s in stretches if s.position is not None]
+    angles = [s.position[s.moving] for s in every if s.position is not None]
     told = is_gravity(angles if gravity and len(angles) == len(parts) else None, known, torque)
     return [replace(s, model_torque=None) for s in stretches] if told else None

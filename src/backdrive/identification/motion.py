@@ -106,7 +106,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slower_way = min(-velocity[0], velocity[1])
     both = slower_way > 0.05 * top
     pulls = gravity if about.unit == "rad" and travel > SPAN_FOR_GRAVITY else False
-    without = leave_out(stretches, pulls is not False)
+    others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
+    without = leave_out(stretches, pulls is not False, others)
     stretches = without or stretches
     given: dict[str, Any] = {
         "dynamic": True,
@@ -187,7 +188,6 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         ),
         (open_, f"No standard errors are stated: {'; '.join(open_)}."),
     )
-    others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
     unseen = predict_blocks(stretches, choice, slip.delay, seconds) if not held_out else None
     parts, of_others = parts_of(friction, logged, True), parts_of(friction, others, False)
     fitted, held = assess_both(parts, unseen) if unseen else (assess_parts(parts), assess_parts(of_others))

@@ -3,73 +3,77 @@
     x += (J'WJ - n e e')^-1 e n I/s,     n = s^2 sum(w a^2)
 
 J, W: derivatives of the residuals and their weights; e, s: place of the inertia I among the search coordinates x, and its slope; a:
-false acceleration, from random rounding errors low-passed like the motion (W. Fuller, Measurement Error Models, 1987, Sec. 1.2).
+false acceleration, of the motion rounded once more at a random phase and low-passed (W. Fuller, Measurement Error Models, 1987,
+Sec. 1.2). The fit is kept as it is where the correction is small, or large against what the linear step may claim.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from backdrive.identification.dynamic.covariance import inverse
-from backdrive.identification.dynamic.fit import NEAR
-from backdrive.identification.dynamic.search import Search, SearchResult
-from backdrive.identification.dynamic.torque import DRAWS, TorqueProblem
-from backdrive.identification.regression import MOST_NOISE
-from backdrive.logs.filters import derivative
+from backdrive.identification.dynamic.fit import NEAR, Fit, conclude
+from backdrive.identification.dynamic.search import Search
+from backdrive.identification.dynamic.torque import DRAWS, Stretch, TorqueProblem
+from backdrive.logs.filters import derivative, low_pass
 
-FELT = 0.05  # least change of the inertia that is worth it [standard error for white noise]
+FELT = 0.2  # least change of the inertia that is worth it [standard error]
+MOST = 0.1  # largest part of what determines the inertia that is taken as noise [-]
+FARTHEST = 2.0  # largest change of any other number [standard error]
+WORSE = 1.01  # largest cost, relative to that of the fit [-]
 
 
-def restore_inertia(
-    problem: TorqueProblem,
-    search: Search,
-    found: SearchResult,
-    whiten: Callable[[np.ndarray], np.ndarray] | None = None,
-) -> SearchResult:
-    """Return the end of a search with what false acceleration took from the inertia given back; the same where that is little.
-
-    Args:
-        problem: whose residuals were fitted.
-        search: that found it.
-        found: its end.
-        whiten: what the search did to the residuals, (..., m); None: nothing.
-    """
-    if "inertia" not in problem.names or found.interrupted:
-        return found
+def restore_inertia(fit: Fit) -> Fit:
+    """Return a fit of torque with what false acceleration took from the inertia given back; the same where it must not be."""
+    problem, found = fit.problem, fit.found
+    if not isinstance(problem, TorqueProblem) or found.interrupted or "inertia" not in problem.names:
+        return fit
     false = false_acceleration(problem)
-    if not false.size:
-        return found
-    false = false if whiten is None else whiten(false)
-    at = problem.names.index("inertia")
+    errors = np.array([fit.standard_errors[name] for name in problem.names])
     free = (found.point > problem.lower + NEAR) & (found.point < problem.upper - NEAR)
-    length = np.linalg.norm(np.where(np.isfinite(found.jacobian), found.jacobian, np.inf), axis=0)
-    free &= (length > 0.0) & np.isfinite(length)
-    if not free[at]:
-        return found
-    J = found.jacobian[:, free] / length[free]
-    bread = inverse(J.T @ (found.weight[:, None] * J)) / np.outer(length[free], length[free])
+    free &= np.isfinite(found.jacobian).all(axis=0) & np.isfinite(errors) & (errors > 0.0)
+    at = problem.names.index("inertia")
+    if not false.size or not free[at]:
+        return fit
+    length = np.linalg.norm(found.jacobian[:, free], axis=0)
+    J = found.jacobian[:, free] / length
+    bread = inverse(J.T @ (found.weight[:, None] * J)) / np.outer(length, length)
     k = int(np.count_nonzero(free[:at]))
-    value = problem.values(found.point)["inertia"]
+    value = fit.values["inertia"]
     slope = problem.unknowns[at].slope(value)
-    noise = slope**2 * float(np.mean((found.weight * false**2).sum(axis=1)))
-    noise = min(noise, MOST_NOISE / bread[k, k])
+    part = slope**2 * float(np.mean((found.weight * false**2).sum(axis=1))) * bread[k, k]
+    if part > MOST:
+        return fit
     move = np.zeros_like(found.point)
-    move[free] = bread[:, k] / (1.0 - noise * bread[k, k]) * noise * value / slope
-    variance = float((found.weight * found.residual) @ found.residual) / len(found.residual)
-    if not abs(move[at]) > FELT * np.sqrt(variance * bread[k, k]):
-        return found
-    point = np.clip(found.point + move, problem.lower, problem.upper)
+    move[free] = bread[:, k] / bread[k, k] * part / (1.0 - part) * value / slope
+    slopes = np.array([u.slope(fit.values[u.name]) for u in problem.unknowns])
+    moved = np.abs(move * slopes)[free] / errors[free]
+    others = np.delete(moved, k)
+    if moved[k] < FELT or (others.size and others.max() > FARTHEST):
+        return fit
+    point = found.point + move
+    if np.any(point[free] <= problem.lower[free] + NEAR) or np.any(point[free] >= problem.upper[free] - NEAR):
+        return fit
+    search = Search(problem.residuals, problem.lower, problem.upper, loss=fit.loss)
     residual = search.evaluate(point[None])[0]
-    return found if not np.isfinite(residual).all() else search.at(point, residual)
+    if not search.cost(residual, search.scale(found.residual)) <= WORSE * found.cost:
+        return fit
+    after = search.at(point, residual)
+    more = found.evaluations + search.evaluations
+    return conclude(problem, replace(after, converged=found.converged, evaluations=more), fit.loss)
 
 
 def false_acceleration(problem: TorqueProblem, seed: int = 0) -> np.ndarray:
-    """Return the acceleration that random encoder rounding errors look like [rad/s^2 or m/s^2], (DRAWS, m); empty without steps."""
+    """Return the acceleration that the encoder's rounding looks like [rad/s^2 or m/s^2], (DRAWS, m); empty without steps."""
     rng, draws = np.random.default_rng(seed), DRAWS if problem.count > 0.0 else 0
-    rows = [
-        [derivative(derivative(problem.rounding(s, rng), s.dt), s.dt)[s.judged] for s in problem.stretches]
-        for _ in range(draws)
-    ]
+    rows = [[_false(s, problem.count, rng)[s.judged] for s in problem.stretches] for _ in range(draws)]
     return np.array([np.concatenate(row) for row in rows])
+
+
+def _false(s: Stretch, step: float, rng: np.random.Generator) -> np.ndarray:
+    """Return the acceleration that rounding to steps looks like, where these begin at a random phase, (n,)."""
+    path = (np.cumsum(s.dp) if s.position is None else s.position) / step + rng.uniform()
+    error = low_pass(step * (np.round(path) - path), min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
+    return derivative(derivative(error, s.dt), s.dt)

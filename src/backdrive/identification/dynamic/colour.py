@@ -5,7 +5,7 @@
 c: correlation of neighbouring bins; g: distance of two bins that are used. Least squares of these numbers is more accurate under
 coloured noise than that of the residuals (Aitken 1935; Cochrane & Orcutt, JASA 44, 1949). It weighs fast changes more, to which
 errors of the encoder and what the law lacks near a reversal belong: hence the bins, those of `motion`. If it moves a number by more
-than the noise of the first fit explains, the law lacks something, and the first fit is kept (Hausman, Econometrica 46, 1978).
+than noise moves two such fits apart, the law lacks something, and the first fit is kept (Hausman, Econometrica 46, 1978).
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from backdrive.identification.dynamic.attenuation import restore_inertia
 from backdrive.identification.dynamic.fit import Fit, conclude
 from backdrive.identification.dynamic.search import Search
 from backdrive.identification.dynamic.torque import TorqueProblem
@@ -26,7 +25,8 @@ LEAST = 0.3  # correlation of neighbouring bins below which the noise is taken a
 MOST = 0.995  # largest correlation that is used [-]
 ITERATIONS = 12  # largest number of iterations, which begin at the first fit
 WORTH = 0.95  # largest median of the standard errors relative to those of the first fit [-]
-MOVED = 3.0  # largest change of a number [standard error of the first fit]
+MOVED = 3.5  # largest change of a number, relative to the error by which the two fits differ [-]
+LEAST_DIFFERENCE = 0.5  # least such error [standard error of the first fit]
 
 
 def whiten_noise(fit: Fit, seconds: float) -> Fit:
@@ -35,6 +35,9 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
     Args:
         fit: to all samples that count.
         seconds: length of a bin [s].
+
+    Raises:
+        KeyboardInterrupt: a person interrupted it.
     """
     problem, first = fit.problem, fit.found
     if not isinstance(problem, TorqueProblem):
@@ -57,11 +60,11 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
         return result
 
     search = Search(lambda p: whiten(problem.residuals(p)), problem.lower, problem.upper, loss=fit.loss)
-    found = search.run(first.point, iterations=ITERATIONS)
-    converged = found.converged
-    found = replace(restore_inertia(problem, search, found, whiten), instants=bins * width)
+    found = replace(search.run(first.point, iterations=ITERATIONS), instants=bins * width)
+    if found.interrupted:
+        raise KeyboardInterrupt
     second = conclude(problem, found, fit.loss, whiten)
-    if not converged or second.at_bound != fit.at_bound or not _agrees(fit, second):
+    if not found.converged or second.at_bound != fit.at_bound or not _agrees(fit, second):
         return fit
     plain = np.concatenate(second.errors())
     return replace(
@@ -72,20 +75,6 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
         aic=fit.aic,
         evaluations=fit.evaluations + second.evaluations,
     )
-
-
-def without_attenuation(fit: Fit) -> Fit:
-    """Return a fit of torque with what the encoder took from its inertia given back; the same fit where that is little."""
-    problem = fit.problem
-    if not isinstance(problem, TorqueProblem):
-        return fit
-    search = Search(problem.residuals, problem.lower, problem.upper, loss=fit.loss)
-    found = restore_inertia(problem, search, fit.found)
-    if found is fit.found:
-        return fit
-    more = search.evaluations
-    found = replace(found, converged=fit.found.converged, evaluations=fit.found.evaluations + more)
-    return conclude(problem, found, fit.loss)
 
 
 def bins_of(instants: np.ndarray, width: int) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
@@ -126,8 +115,12 @@ def neighbours(residual: np.ndarray, apart: np.ndarray) -> float:
 
 
 def _agrees(first: Fit, second: Fit) -> bool:
-    """Return whether the second fit is more accurate and moves no number by more than the noise of the first explains."""
+    """Return whether the second fit is more accurate and moves no number by more than noise moves two such fits apart.
+
+    The difference of an efficient estimate from another one has the variance by which theirs differ (Hausman 1978).
+    """
     names = [n for n in first.problem.names if 0.0 < first.standard_errors[n] < np.inf]
     before, after = (np.array([one.standard_errors[n] for n in names]) for one in (first, second))
     moved = np.array([second.values[n] - first.values[n] for n in names])
-    return bool(names and np.median(after / before) < WORTH and np.all(np.abs(moved) < MOVED * before))
+    apart = np.sqrt(np.maximum(before**2 - after**2, (LEAST_DIFFERENCE * before) ** 2))
+    return bool(names and np.median(after / before) < WORTH and np.all(np.abs(moved) < MOVED * apart))

@@ -289,14 +289,10 @@ class TorqueProblem(Problem):
             )
         return np.array(changes)
 
-    def rounding(self, s: Stretch, rng: np.random.Generator) -> np.ndarray:
-        """Return a random encoder rounding error, low-passed like the motion [rad or m], (n,)."""
-        e = self.count * (rng.uniform(size=len(s.dp)) - 0.5)
-        return low_pass(e, min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
-
     def _redrawn(self, s: Stretch, rng: np.random.Generator) -> Stretch:
         """Return a stretch with a random encoder rounding error added."""
-        e = self.rounding(s, rng)
+        e = self.count * (rng.uniform(size=len(s.dp)) - 0.5)
+        e = low_pass(e, min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
         return replace(
             s,
             dp=s.dp + np.diff(e, prepend=e[:1]),

@@ -12,7 +12,8 @@ from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
-from backdrive.identification.dynamic.colour import whiten_noise, without_attenuation
+from backdrive.identification.dynamic.attenuation import restore_inertia
+from backdrive.identification.dynamic.colour import whiten_noise
 from backdrive.identification.dynamic.crossing import (
     fast,
     is_bounded,
@@ -214,7 +215,7 @@ class TorqueTask(Task):
 
     def sharpen(self, final: Fit) -> Fit:
         """Return the final fit without the encoder's effect on its inertia, and with its coloured noise whitened."""
-        restored = without_attenuation(final)
+        restored = restore_inertia(final)
         if (
             restored is not final
         ):  # the encoder's noise counts, whose neighbours differ in sign: it is not whitened so
