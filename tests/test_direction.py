@@ -418,8 +418,8 @@ def test_a_law_of_two_directions_can_be_held_symmetric(differing):
 def test_a_range_holds_for_both_directions(differing):
     """Sliding friction is 4.7 N.m one way and 2.3 the other, both out of range: each ends at the bound that is nearer to it.
 
-    Backwards that is so where break-away is bounded as well: left free, it goes below Coulomb with a wide Stribeck curve, and the
-    law follows the low friction within the range of its Coulomb friction.
+    Backwards that, and a range of its own, holds where break-away is bounded as well: left free, it goes below Coulomb with a wide
+    Stribeck curve, and the law follows the low friction within the range of its Coulomb friction.
     """
     asked: Any = {"law": "stribeck-gauss", "symmetric": False, "gravity": False}
     both: Any = identify(differing, bounds={"coulomb": (3.0, 4.0)}, **asked).model.joints[0]
@@ -430,7 +430,7 @@ def test_a_range_holds_for_both_directions(differing):
     both = identify(differing, bounds=held, **asked).model.joints[0]
     assert (both.law.rate.coulomb, both.law.rate.coulomb_backward) == pytest.approx((4.0, 3.0))
     assert {"coulomb", "coulomb_backward"} <= set(both.at_bound)
-    own = {"coulomb": (3.0, 4.0), "coulomb_backward": (1.0, 9.0)}
+    own = {"coulomb": (3.0, 4.0), "coulomb_backward": (1.0, 9.0), "breakaway_backward": (2.6, 9.0)}
     one: Any = identify(differing, bounds=own, **asked).model.joints[0]
     assert 1.0 < one.law.rate.coulomb_backward < 3.0
     with pytest.raises(InvalidInput, match="'viscosity' is bounded"):

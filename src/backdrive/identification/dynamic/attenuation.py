@@ -28,7 +28,8 @@ WORSE = 1.01  # largest cost, relative to that of the fit [-]
 def restore_inertia(fit: Fit) -> Fit:
     """Return a fit of torque with what false acceleration took from the inertia given back; the same where it must not be."""
     problem, found = fit.problem, fit.found
-    if not isinstance(problem, TorqueProblem) or found.interrupted or "inertia" not in problem.names:
+    left = found.interrupted or fit.at_bound or "inertia" not in problem.names
+    if left or not isinstance(problem, TorqueProblem):
         return fit
     false = false_acceleration(problem)
     errors = np.array([fit.standard_errors[name] for name in problem.names])

@@ -40,7 +40,7 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
         KeyboardInterrupt: a person interrupted it.
     """
     problem, first = fit.problem, fit.found
-    if not isinstance(problem, TorqueProblem):
+    if not isinstance(problem, TorqueProblem) or fit.at_bound:  # what a bound keeps from the data is no noise
         return fit
     width = max(1, round(seconds / max(s.dt for s in problem.stretches)))
     bins, average = bins_of(problem.instants, width)
