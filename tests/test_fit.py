@@ -207,7 +207,7 @@ def test_a_search_that_does_not_come_to_rest_says_so(lugre_log):
     from backdrive.identification.signals import prepare
 
     stretches = [stretch(s) for s in prepare(lugre_log, 0)]
-    found = fit_law("lugre", stretches, begin=2, descend=1, iterations=1)
+    found = fit_law("m3", stretches, begin=2, descend=1, iterations=1)
     assert not found.converged
     assert any("did not converge" in w for w in found.warnings)
 

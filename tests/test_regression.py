@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from backdrive.identification import curves, regression
 
@@ -57,6 +58,39 @@ def test_huber_ignores_wild_samples():
     w = regression.robust_weights(X, y, np.ones(240))
     theta = regression.solve((X * w[:, None]).T @ X, (X * w[:, None]).T @ y)
     np.testing.assert_allclose(theta, THETA, rtol=0.05)
+
+
+def huber_cost(theta, X, y, width):
+    size = np.abs(y - X @ theta)
+    return np.where(size <= width, 0.5 * size**2, width * (size - 0.5 * width)).sum()
+
+
+@pytest.mark.parametrize("wild", [0.0, 0.1, 0.35])
+@pytest.mark.parametrize("start", [None, 30.0])
+def test_a_robust_fit_is_the_least_of_huber_s_loss(wild, start):
+    rng = np.random.default_rng(7)
+    X = rng.standard_normal((2000, 4)) * [1.0, 10.0, 0.01, 1.0]
+    y = X @ [1.0, -2.0, 300.0, 0.5] + 0.1 * rng.standard_normal(2000)
+    y += 5.0 * rng.standard_normal(2000) * (rng.uniform(size=2000) < wild)
+    begin = None if start is None else np.full(4, start)
+    theta = regression.robust_solution(X, y, np.ones(2000), rounds=30, start=begin)
+    width = regression.HUBER * 1.4826 * float(np.median(np.abs(y - X @ theta)))
+    best = minimize(
+        huber_cost, theta, args=(X, y, width), method="Powell", options={"xtol": 1e-10, "ftol": 1e-14}
+    )
+    step = regression.SETTLED * width / np.linalg.norm(X, axis=0)
+    assert theta == pytest.approx(best.x, abs=3.0 * float(step.max()), rel=1e-6)
+    weights = regression.robust_weights(X, y, np.ones(2000), rounds=30)
+    assert weights == pytest.approx(regression.huber_weights(y - X @ theta, width), abs=1e-3)
+
+
+def test_a_column_that_wild_rows_alone_determine_does_not_run_away():
+    X = np.stack([np.ones(200), (np.arange(200) < 3).astype(float)], axis=1)
+    y = 0.1 * np.random.default_rng(2).standard_normal(200)
+    y[:3] = [50.0, -40.0, 8.0]
+    theta = regression.robust_solution(X, y, np.ones(200), rounds=50)
+    assert theta[0] == pytest.approx(0.0, abs=0.02)
+    assert theta[1] == pytest.approx(8.0, abs=0.5)  # nearly the median of the three
 
 
 def test_every_coarse_curve_is_exact_on_the_fine_basis():

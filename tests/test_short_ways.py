@@ -10,7 +10,7 @@ import pytest
 from backdrive.identification.projection import inverse_of, orthonormal
 from backdrive.identification.residual import waves_at
 from backdrive.logs.health._motion import running
-from backdrive.logs.quantiles import median, quantile
+from backdrive.logs.quantiles import at_rank, median, quantile
 from backdrive.logs.readers import npz
 
 
@@ -22,6 +22,26 @@ def test_quantiles_are_those_of_numpy(n):
         assert quantile(x, share) == pytest.approx(np.quantile(x, share), rel=1e-14, abs=1e-15)
     x[n // 2] = np.nan
     assert np.isnan(median(x)) and np.isnan(quantile(x, 0.9)) and np.isnan(quantile(x[:0], 0.5))
+
+
+@pytest.mark.parametrize("n", [1000, 1001, 5000, 40_000])
+@pytest.mark.parametrize("kind", ["drawn", "sorted", "equal", "few", "infinite", "periodic"])
+def test_a_rank_of_a_long_series_is_found_between_bounds(n, kind):
+    rng = np.random.default_rng(n)
+    x = {
+        "drawn": rng.standard_normal(n),
+        "sorted": np.sort(rng.standard_normal(n)),
+        "equal": np.full(n, 3.0),
+        "few": rng.integers(0, 3, n).astype(float),
+        "infinite": np.where(rng.uniform(size=n) < 0.3, np.inf, -rng.uniform(size=n)),
+        "periodic": np.where(
+            np.arange(n) % int(n / n**0.6) == 0, 1e3, rng.standard_normal(n)
+        ),  # misleads the sample
+    }[kind]
+    ordered, before = np.sort(x), x.copy()
+    for rank in (0, 1, n // 3, (n - 1) // 2, n - 2, n - 1):
+        assert at_rank(x, rank) == (ordered[rank], ordered[min(rank + 1, n - 1)])
+    assert np.all(x == before)
 
 
 @pytest.mark.parametrize("apart", [1.0, 1e-4, 1e-9, 0.0])

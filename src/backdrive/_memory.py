@@ -50,8 +50,8 @@ def _keep_small() -> None:
 
 @contextmanager
 def _keep_large(channel: int) -> Iterator[None]:
-    """Let glibc keep the memory of freed arrays, and return it in the end, if a channel has more bytes than it keeps by itself."""
-    library = _glibc() if channel > BY_ITSELF else None
+    """Let glibc keep the memory of freed arrays, and return it in the end, if the largest has more bytes than it keeps by itself."""
+    library = _glibc() if TIMES * channel > BY_ITSELF else None
     if library is None:
         yield
         return

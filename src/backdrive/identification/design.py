@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -87,16 +88,17 @@ def columns(s: Signals, knots: np.ndarray, rows: slice = slice(None)) -> np.ndar
 def means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
     """Return the means of all columns over bins of `width` samples, (n / width, 6 + 2 k)."""
     s = s.rows(rows)
-    first = [filters.means(x, width) for x in head(s)]
+    first = head(s, lambda x: filters.means(x, width))
     return np.hstack([np.stack(first, axis=1), curves.basis_means(s.velocity, knots, width)])
 
 
-def head(s: Signals) -> tuple[np.ndarray, ...]:
-    """Return the columns of all terms but friction, (n,) each."""
-    zero = np.zeros_like(s.velocity)
-    pull = (zero, zero) if s.position is None else (np.sin(s.position), np.cos(s.position))
-    known = zero if s.model_torque is None else s.model_torque
-    return s.acceleration, -s.jerk, zero + 1.0, *pull, known
+def head(s: Signals, linear: Callable[[np.ndarray], np.ndarray] = np.asarray) -> tuple[np.ndarray, ...]:
+    """Return the columns of all terms but friction, (n,) each, or (m,) after a linear function that maps ones to ones."""
+    acceleration = linear(s.acceleration)
+    zero = np.zeros_like(acceleration)
+    pull = (zero, zero) if s.position is None else (linear(np.sin(s.position)), linear(np.cos(s.position)))
+    known = zero if s.model_torque is None else linear(s.model_torque)
+    return acceleration, -linear(s.jerk), zero + 1.0, *pull, known
 
 
 def candidates(

@@ -11,6 +11,7 @@ from scipy.linalg import solve_banded
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals, default_cutoff, turns
+from backdrive.identification.whitening import whiten
 from backdrive.logs import filters
 
 BIN_TIME = 0.01  # shortest bin [s]
@@ -24,7 +25,6 @@ FILLED, HALF = 0.9, 0.5
 LONG_ENOUGH = 0.25  # least time of sliding near the slowest sliding speed [s]
 MOVE = 0.1  # least duration of a move [s]
 CHUNK = 200_000  # number of samples per chunk of the regressor
-PIECE = 10_000  # number of bins that are whitened together
 Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
 
 
@@ -68,16 +68,11 @@ class Bins:
         if not correlation > 0.0:
             return self
         at = np.flatnonzero(self.used)
+        apart = np.diff(at)
+        if at.size == self.y.size:
+            return replace(self, X=whiten(self.X, apart, correlation), y=whiten(self.y, apart, correlation))
         X, y = self.X.copy(), self.y.copy()
-        for first in range(0, at.size - 1, PIECE):  # in pieces that fit the cache
-            after, before = at[first + 1 : first + 1 + PIECE], at[first : first + PIECE]
-            before = before[: after.size]
-            kept = correlation ** (after - before)
-            size = np.sqrt(1.0 - kept**2)
-            rows = self.X[after]
-            rows -= kept[:, None] * self.X[before]
-            rows /= size[:, None]
-            X[after], y[after] = rows, (self.y[after] - kept * self.y[before]) / size
+        X[at], y[at] = whiten(self.X[at], apart, correlation), whiten(self.y[at], apart, correlation)
         return replace(self, X=X, y=y)
 
     def _whiten_opposite(self, share: float) -> Bins:

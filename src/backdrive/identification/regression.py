@@ -13,6 +13,8 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
 
+from backdrive.logs.quantiles import at_rank
+
 NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 MOST_NOISE = 0.5  # largest share of a column's mean square that is taken as noise [-]
 WELL = 1e6  # condition number up to which an inverse is as accurate as a pseudoinverse [-]
@@ -20,6 +22,9 @@ HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residual
 SETTLED = (
     1e-3  # largest change of all residuals together in the last round of a robust fit [width of Huber's loss]
 )
+
+
+DETERMINED = 0.3  # share of each column's square that rows of full weight must hold for Newton's method [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,10 +128,9 @@ def robust_spread(residual: np.ndarray, w: np.ndarray | None = None) -> float:
 
 
 def _spread_of(size: np.ndarray) -> float:
-    """Return the standard deviation of residuals, from the median of their magnitudes, which are partitioned in place."""
-    half = size.size // 2  # not `np.median`, which takes twice the time for some thousand numbers
-    size.partition(half)
-    return 1.4826 * float(size[half] if size.size % 2 else 0.5 * (size[:half].max() + size[half]))
+    """Return the standard deviation of residuals, from the median of their magnitudes."""
+    first, second = at_rank(size, (size.size - 1) // 2)
+    return 1.4826 * (first if size.size % 2 else 0.5 * (first + second))
 
 
 def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray:
@@ -140,14 +144,14 @@ def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray
 
 
 def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
-    """Return `w` times Huber's weights, by iteratively reweighted least squares."""
+    """Return `w` times Huber's weights for residuals of the fit with Huber's loss, (n,)."""
     return _reweigh(X, y, w, rounds)[0]
 
 
 def robust_solution(
     X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8, start: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return the coefficients for the weights of `robust_weights`, (p,).
+    """Return the coefficients fitted with Huber's loss, (p,).
 
     Args:
         X: regressor, (n, p).
@@ -162,7 +166,11 @@ def robust_solution(
 def _reweigh(
     X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return Huber's weights times `w`, (n,), and the solution for them, (p,)."""
+    """Return Huber's weights times `w`, (n,), and the coefficients fitted with Huber's loss, (p,).
+
+    Newton's method takes two thirds of the rounds of iterated weights. If many rows of a column are beyond the width, or the last
+    round moved the residuals more than the one before, a round is one of iterated weights, which converge from anywhere.
+    """
     inside = np.flatnonzero(w)
     p, prior, count = X.shape[1], w[inside], inside.size
     whole = np.zeros((p + 1, p + 1))  # of X and y: one product gives both sides of the equations
@@ -173,25 +181,30 @@ def _reweigh(
     scale = np.append(scale, 1.0)
     whole /= scale[:, None] * scale
     whole.reshape(-1)[: p * (p + 1) : p + 2] += RIDGE  # the diagonal of X'X
-    lighter, lost, residual = inside[:0], prior[:0], np.full(count, np.inf)
+    lighter, size, residual, width, moved = inside[:0], prior, np.full(count, np.inf), 0.0, np.inf
     solution = _solve_unit(whole) if start is None else start * scale[:p]
     for _ in range(rounds):
         left = y - X @ (solution / scale[:p])
-        residual, before = left if count == y.size else left[inside], residual
+        residual, before, last = left if count == y.size else left[inside], residual, moved
         size = np.abs(residual)
-        width = HUBER * _spread_of(size.copy()) if count else 0.0
+        width = HUBER * _spread_of(size) if count else 0.0
         before -= residual
-        if before @ before <= (SETTLED * width) ** 2:  # a standard error changes them by about a width
+        moved = float(before @ before)
+        if moved <= (SETTLED * width) ** 2:  # a standard error changes them by about a width
             break
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
-        lost = prior[lighter] * (1.0 - width / size[lighter])
-        part = _rows(
-            X, y, inside[lighter], lost
-        )  # few rows, whose lost weight is subtracted from all equations
+        part = _rows(X, y, inside[lighter], prior[lighter])  # few rows, subtracted from all equations
         part /= scale
-        solution = _solve_unit(whole - part.T @ part)
+        equations = whole - part.T @ part
+        if moved <= last and equations.diagonal()[:p].min() > DETERMINED:  # Newton's method
+            pull = width * np.sqrt(prior[lighter]) * np.sign(residual[lighter])
+            equations[:p, p] += pull @ part[:, :p]
+        else:  # iterated weights, which always converge
+            part *= np.sqrt(1.0 - width / size[lighter])[:, None]
+            equations = whole - part.T @ part
+        solution = _solve_unit(equations)
     weights = prior.copy()
-    weights[lighter] -= lost
+    weights[lighter] *= width / size[lighter]
     result = np.zeros(w.size)
     result[inside] = weights
     return result, solution / scale[:p]

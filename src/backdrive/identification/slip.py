@@ -19,6 +19,7 @@ from backdrive.identification.lateness import delay as shift_of
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
+from backdrive.identification.whitening import neighbours
 
 ROUNDS = 10  # largest number of fits, each with another delay
 STEP = 0.01  # longest change of the delay from one fit to the next [s]
@@ -141,7 +142,7 @@ def fix_slip(
     bins = bins_at_delay(
         [DelayStretch(s, seconds, CORNERS[1], OF_JERK[1]) for s in stretches], delay, knots, full
     )
-    correlation = neighbours(bins.y - bins.X @ fit(bins), bins.used)
+    correlation = correlation_of(bins.y - bins.X @ fit(bins), bins.used)
     return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, correlation=correlation)
 
 
@@ -175,7 +176,7 @@ def seek_slip(
         bins = bins_at_delay(slow, delay, knots, full)
         if not tried:  # gives the correlation of the noise; without any, the fit need not be repeated
             theta = fit(bins)
-            correlation = neighbours(bins.y - bins.X @ theta, bins.used)
+            correlation = correlation_of(bins.y - bins.X @ theta, bins.used)
         if tried or correlation != 0.0:
             bins = bins.whiten(correlation)
             theta = fit(bins, theta)
@@ -261,16 +262,15 @@ def fit(bins: Bins, start: np.ndarray | None = None) -> np.ndarray:
     return regression.robust_solution(bins.X, bins.y, bins.used.astype(float), start=start)
 
 
-def neighbours(residual: np.ndarray, used: np.ndarray) -> float:
-    """Return the correlation of neighbouring residuals [-]; slightly negative values are set to 0.
+def correlation_of(residual: np.ndarray, used: np.ndarray) -> float:
+    """Return the correlation of neighbouring residuals, within limits [-]; slightly negative values are set to 0.
 
     Args:
         residual: of the fit, (n,).
         used: mask of the fitted samples, (n,).
     """
-    width = regression.HUBER * regression.robust_spread(residual[used])
-    score = np.clip(residual, -width, width)
-    both = used[1:] & used[:-1]
-    product, square = (float(np.mean(x)) for x in (score[1:][both] * score[:-1][both], score[used] ** 2))
-    correlation = float(np.clip(product / square, OPPOSITE, MOST)) if square > 0.0 else 0.0
+    at = np.flatnonzero(used)
+    width = regression.HUBER * regression.robust_spread(residual[at])
+    score = np.clip(residual[at], -width, width)
+    correlation = min(max(neighbours(score, np.diff(at)), OPPOSITE), MOST)
     return 0.0 if SLIGHT < correlation < 0.0 else correlation

@@ -15,7 +15,7 @@ import numpy as np
 
 from backdrive.identification.motion_bins import moving_average
 from backdrive.identification.signals import between_gaps, default_cutoff
-from backdrive.logs.filters import fft_length, power_gain, spectrum_of
+from backdrive.logs.filters import fade, fft_length, power_gain, spectrum_of
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 
@@ -144,7 +144,7 @@ def _longest(log: Log) -> np.ndarray | None:
 
 def _accelerations(position: np.ndarray, cutoffs: Sequence[float], rate: float) -> np.ndarray:
     """Return the mean square acceleration after each low pass [rad^2/s^4 or m^2/s^4], from one transform, (k,)."""
-    n, pad = position.size, min(round(3 * rate / min(cutoffs)), position.size - 1)
+    n, pad = position.size, min(fade(min(cutoffs) / rate), position.size - 1)
     length = fft_length(n + 2 * pad)
     f = np.arange(length // 2 + 1) / length
     spectrum = spectrum_of(position, pad, length) * -((rate * np.sin(2.0 * np.pi * f)) ** 2)

@@ -15,10 +15,11 @@ import numpy as np
 from backdrive.errors import InvalidInput
 
 SHORT = 1 << 16  # the gains of up to so many samples are kept for the next series [sample]
+CIRCLE = 1 << 13  # length of the pieces of a long series, unless the response is longer [sample]
 FADES = (
     14.0  # time after which the response is below the rounding of numbers [period of the cutoff frequency]
 )
-AT_ONCE = 4  # series that are transformed together; more would not fit the cache
+AT_ONCE = 1 << 16  # pieces are transformed together, in half the time; more would not fit the cache [sample]
 ODD = tuple(3**i * 5**j for i in range(20) for j in range(14))  # odd factors of lengths that transform fast
 
 
@@ -82,29 +83,78 @@ def low_pass_rows(
         return result
     if size < 2:
         raise InvalidInput(f"{size} samples are too few to filter.", remedy="Give a longer log.")
-    pad, margin, circle = (
-        min(round(3 * rate / cutoff), size - 1),
-        math.ceil(FADES * order / 4 * rate / cutoff),
-        SHORT,
-    )
+    margin, circle = fade(cutoff / rate, order), CIRCLE
     while 8 * margin > circle:
         circle *= 2
-    piece = circle - 2 * (margin + pad)
-    if size <= 2 * circle:
-        piece, circle = size, fft_length(size + 2 * pad)
-    gain = (_gain if circle <= SHORT else _gain.__wrapped__)(circle, cutoff / rate, order)
-    result, at_once = np.empty((len(rows), size)) if out is None else out, AT_ONCE if circle <= SHORT else 1
-    for begin in range(0, size, piece):  # a long series in pieces, which the cache holds
-        first, last = max(begin - margin, 0), min(begin + piece + margin, size)
-        inside = slice(begin - first, min(begin + piece, size) - first)
-        for k in range(0, len(rows), at_once):
-            x = np.asarray([row[first:last] for row in rows[k : k + at_once]], dtype=np.float64)
-            spectrum = spectrum_of(x, pad, circle)
-            spectrum *= gain
-            filtered = np.fft.irfft(spectrum, circle)[:, pad : pad + last - first]
-            level = 0.5 * (x[:, :1] + x[:, -1:])
-            np.add(filtered[:, inside], level, out=result[k : k + at_once, begin : begin + piece])
+    result = np.empty((len(rows), size)) if out is None else out
+    if size > 2 * circle:
+        _in_pieces(list(rows), _gain_of(circle, cutoff / rate, order), margin, result)
+        return result
+    pad = min(margin, size - 1)
+    circle = fft_length(size + 2 * pad)
+    gain, at_once = _gain_of(circle, cutoff / rate, order), max(1, AT_ONCE // circle)
+    for k in range(0, len(rows), at_once):
+        x = np.asarray(rows[k : k + at_once], dtype=np.float64)
+        spectrum = spectrum_of(x, pad, circle)
+        spectrum *= gain
+        filtered = np.fft.irfft(spectrum, circle)[:, pad : pad + size]
+        np.add(filtered, 0.5 * (x[:, :1] + x[:, -1:]), out=result[k : k + at_once])
     return result
+
+
+def fade(cutoff: float, order: int = 4) -> int:
+    """Return the number of samples after which the response of `low_pass` has faded.
+
+    Args:
+        cutoff: by the sampling rate [-].
+        order: of one pass.
+    """
+    return math.ceil(FADES * order / 4 / cutoff)
+
+
+def _in_pieces(rows: Sequence[np.ndarray], gain: np.ndarray, margin: int, result: np.ndarray) -> None:
+    """Filter long series in overlapping pieces, which the cache holds.
+
+    Args:
+        rows: uniform samples of each series, (k, n).
+        gain: at the frequencies of a piece [-], (c / 2 + 1,); n is at least 2 c.
+        margin: number of samples after which the response has faded; each piece begins and ends so much outside of what it gives.
+        result: array for the filtered series, (k, n).
+    """
+    size, circle = len(rows[0]), 2 * (gain.size - 1)
+    length, at_once = circle - 2 * margin, max(1, AT_ONCE // circle)
+    pieces = [
+        (row, into, begin) for row, into in zip(rows, result, strict=True) for begin in range(0, size, length)
+    ]
+    for k in range(0, len(pieces), at_once):
+        part = pieces[k : k + at_once]
+        x = np.empty((len(part), circle))
+        for window, (row, _, begin) in zip(x, part, strict=True):
+            _reflect(row, begin - margin, window)
+        level = 0.5 * (x[:, :1] + x[:, -1:])
+        x -= level
+        spectrum = np.fft.rfft(x)
+        spectrum *= gain
+        filtered = np.fft.irfft(spectrum, circle)
+        for piece, shift, (_, into, begin) in zip(filtered, level, part, strict=True):
+            end = min(begin + length, size)
+            np.add(piece[margin : margin + end - begin], shift, out=into[begin:end])
+
+
+def _reflect(row: np.ndarray, first: int, window: np.ndarray) -> None:
+    """Write a window of a series, continued by point reflection at its ends, from an index on."""
+    n, size = row.size, window.size
+    before, after = max(-first, 0), max(first + size - n, 0)
+    window[before : size - after] = row[first + before : first + size - after]
+    if before:
+        window[:before] = 2.0 * row[0] - row[before:0:-1]
+    if after:
+        window[size - after :] = 2.0 * row[-1] - row[-2 : -after - 2 : -1]
+
+
+def _gain_of(circle: int, cutoff: float, order: int) -> np.ndarray:
+    """Return `_gain`, kept for the next series unless it is long."""
+    return (_gain if circle <= SHORT else _gain.__wrapped__)(circle, cutoff, order)
 
 
 @lru_cache(maxsize=16)

@@ -1,9 +1,7 @@
 """A fit again with its noise whitened, where neighbouring residuals are correlated.
 
-    r_k = mean of the residuals of a bin,     r_k  ->  (r_k - c^g r_(k-1)) / sqrt(1 - c^(2 g))
-
-c: correlation of neighbouring bins; g: distance of two bins that are used. Least squares of these numbers is more accurate under
-coloured noise than that of the residuals (Aitken 1935; Cochrane & Orcutt, JASA 44, 1949). It weighs fast changes more, to which
+The means of the residuals over bins are whitened (`whitening`). Least squares of these numbers is more accurate under coloured
+noise than that of the residuals (Aitken 1935; Cochrane & Orcutt, JASA 44, 1949). It weighs fast changes more, to which
 errors of the encoder and what the law lacks near a reversal belong: hence the bins, those of `motion`. If it moves a number by more
 than noise moves two such fits apart, the law lacks something, and the first fit is kept (Hausman, Econometrica 46, 1978).
 """
@@ -18,6 +16,7 @@ import numpy as np
 from backdrive.identification.dynamic.fit import Fit, conclude
 from backdrive.identification.dynamic.search import Search
 from backdrive.identification.dynamic.torque import TorqueProblem
+from backdrive.identification.whitening import neighbours, whiten
 
 FILLED = 0.75  # least share of the samples of a bin that count [-]
 FEWEST = 100  # least number of bins
@@ -50,20 +49,15 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
     correlation = min(neighbours(average(first.weight * first.residual), apart), MOST)
     if not correlation > LEAST:
         return fit
-    kept = correlation**apart
-    size = np.sqrt(1.0 - kept**2)
 
-    def whiten(residual: np.ndarray) -> np.ndarray:
-        mean = average(residual)
-        result = mean.copy()
-        result[..., 1:] = (mean[..., 1:] - kept * mean[..., :-1]) / size
-        return result
+    def white_means(residual: np.ndarray) -> np.ndarray:
+        return whiten(average(residual).T, apart, correlation).T
 
-    search = Search(lambda p: whiten(problem.residuals(p)), problem.lower, problem.upper, loss=fit.loss)
+    search = Search(lambda p: white_means(problem.residuals(p)), problem.lower, problem.upper, loss=fit.loss)
     found = replace(search.run(first.point, iterations=ITERATIONS), instants=bins * width)
     if found.interrupted:
         raise KeyboardInterrupt
-    second = conclude(problem, found, fit.loss, whiten)
+    second = conclude(problem, found, fit.loss, white_means)
     if not found.converged or second.at_bound != fit.at_bound or not _agrees(fit, second):
         return fit
     plain = np.concatenate(second.errors())
@@ -98,20 +92,6 @@ def bins_of(instants: np.ndarray, width: int) -> tuple[np.ndarray, Callable[[np.
         return (total[..., end] - total[..., begin]) / root
 
     return bins[begin], average
-
-
-def neighbours(residual: np.ndarray, apart: np.ndarray) -> float:
-    """Return the correlation of neighbouring residuals [-]; 0 if there are none.
-
-    Args:
-        residual: clipped or weighted, (n,).
-        apart: distance of neighbouring residuals, (n - 1,).
-    """
-    beside = apart == 1
-    power = float(np.mean(residual**2))
-    if not beside.any() or not power > 0.0:
-        return 0.0
-    return float(np.mean(residual[1:][beside] * residual[:-1][beside])) / power
 
 
 def _agrees(first: Fit, second: Fit) -> bool:

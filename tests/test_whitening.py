@@ -1,0 +1,48 @@
+"""Tests for identification/whitening.py against the whole covariance matrix."""
+
+import numpy as np
+import pytest
+
+from backdrive.identification.motion_bins import Bins
+from backdrive.identification.whitening import neighbours, whiten
+
+RNG = np.random.default_rng(4)
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+@pytest.mark.parametrize("correlation", [0.0, 0.6, 0.97])
+def test_whitening_is_by_the_inverse_root_of_the_covariance(gaps, correlation):
+    at = np.flatnonzero(RNG.uniform(size=300) < 0.7) if gaps else np.arange(300)
+    covariance = correlation ** np.abs(at[:, None] - at[None, :]) if correlation else np.eye(at.size)
+    rows = RNG.standard_normal((at.size, 3))
+    wanted = np.linalg.solve(np.linalg.cholesky(covariance), rows)
+    assert whiten(rows, np.diff(at), correlation) == pytest.approx(wanted, abs=1e-12)
+    assert whiten(rows[:, 0], np.diff(at), correlation) == pytest.approx(wanted[:, 0], abs=1e-12)
+
+
+def test_pieces_do_not_show(monkeypatch):
+    rows, apart = RNG.standard_normal((5001, 2)), np.ones(5000, dtype=int)
+    whole = whiten(rows, apart, 0.8)
+    monkeypatch.setattr("backdrive.identification.whitening.PIECE", 7)
+    assert np.array_equal(whiten(rows, apart, 0.8), whole)
+    assert np.array_equal(whiten(rows[:1], apart[:0], 0.8), rows[:1])
+    assert whiten(rows[:0], apart[:0], 0.8).shape == (0, 2)
+
+
+@pytest.mark.parametrize("share", [0.6, 1.0])
+def test_bins_that_are_not_used_stay_as_they_are(share):
+    used = RNG.uniform(size=400) < share
+    bins = Bins(
+        X=RNG.standard_normal((400, 2)), y=RNG.standard_normal(400), used=used, speed=np.ones(400), blocks=8
+    )
+    white, at = bins.whiten(0.7), np.flatnonzero(used)
+    assert np.array_equal(white.X[~used], bins.X[~used]) and np.array_equal(white.y[~used], bins.y[~used])
+    assert np.array_equal(white.X[used], whiten(bins.X[used], np.diff(at), 0.7))
+    assert np.array_equal(white.y[used], whiten(bins.y[used], np.diff(at), 0.7))
+    assert bins.whiten(0.0) is bins
+
+
+def test_the_correlation_of_neighbours_looks_over_no_gap():
+    series = np.array([1.0, 2.0, -1.0, 3.0])
+    assert neighbours(series, np.array([1, 2, 1])) == pytest.approx((2.0 - 3.0) / 2 / np.mean(series**2))
+    assert neighbours(series, np.array([2, 2, 2])) == 0.0 == neighbours(series[:0], np.zeros(0))
