@@ -50,7 +50,7 @@ def _keep_small() -> None:
 
 @contextmanager
 def _keep_large(channel: int) -> Iterator[None]:
-    """Let glibc keep the memory of freed arrays, and return it in the end, if the largest has more bytes than it keeps by itself."""
+    """Let glibc keep the memory of freed arrays, and return it in the end, if the largest is above what it keeps by itself."""
     library = _glibc() if TIMES * channel > BY_ITSELF else None
     if library is None:
         yield
