@@ -21,12 +21,15 @@ def test_whitening_is_by_the_inverse_root_of_the_covariance(gaps, correlation):
 
 
 def test_pieces_do_not_show(monkeypatch):
-    rows, apart = RNG.standard_normal((5001, 2)), np.ones(5000, dtype=int)
-    whole = whiten(rows, apart, 0.8)
-    monkeypatch.setattr("backdrive.identification.whitening.PIECE", 7)
-    assert np.array_equal(whiten(rows, apart, 0.8), whole)
-    assert np.array_equal(whiten(rows[:1], apart[:0], 0.8), rows[:1])
-    assert whiten(rows[:0], apart[:0], 0.8).shape == (0, 2)
+    used = RNG.uniform(size=500) < 0.8
+    bins = Bins(
+        X=RNG.standard_normal((500, 2)), y=RNG.standard_normal(500), used=used, speed=np.ones(500), blocks=8
+    )
+    whole = bins.whiten(0.8)
+    monkeypatch.setattr("backdrive.identification.motion_bins.PIECE", 7)
+    assert np.array_equal(bins.whiten(0.8).X, whole.X) and np.array_equal(bins.whiten(0.8).y, whole.y)
+    assert np.array_equal(whiten(bins.X[:1], np.ones(0, dtype=int), 0.8), bins.X[:1])
+    assert whiten(bins.X[:0], np.ones(0, dtype=int), 0.8).shape == (0, 2)
 
 
 @pytest.mark.parametrize("share", [0.6, 1.0])

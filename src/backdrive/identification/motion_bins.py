@@ -25,6 +25,7 @@ FILLED, HALF = 0.9, 0.5
 LONG_ENOUGH = 0.25  # least time of sliding near the slowest sliding speed [s]
 MOVE = 0.1  # least duration of a move [s]
 CHUNK = 200_000  # number of samples per chunk of the regressor
+PIECE = 2_000  # number of bins that are whitened together, which the cache holds
 Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
 
 
@@ -67,12 +68,11 @@ class Bins:
             return self._whiten_opposite(moving_average(correlation))
         if not correlation > 0.0:
             return self
-        at = np.flatnonzero(self.used)
-        apart = np.diff(at)
-        if at.size == self.y.size:
-            return replace(self, X=whiten(self.X, apart, correlation), y=whiten(self.y, apart, correlation))
-        X, y = self.X.copy(), self.y.copy()
-        X[at], y[at] = whiten(self.X[at], apart, correlation), whiten(self.y[at], apart, correlation)
+        at, X, y = np.flatnonzero(self.used), self.X.copy(), self.y.copy()
+        for first in range(0, at.size - 1, PIECE):  # copies of all bins would fill the memory
+            rows = at[first : first + PIECE + 1]
+            X[rows[1:]] = whiten(self.X[rows], np.diff(rows), correlation)[1:]
+            y[rows[1:]] = whiten(self.y[rows], np.diff(rows), correlation)[1:]
         return replace(self, X=X, y=y)
 
     def _whiten_opposite(self, share: float) -> Bins:
