@@ -19,7 +19,7 @@ NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 MOST_NOISE = 0.5  # largest share of a column's mean square that is taken as noise [-]
 WELL = 1e6  # condition number up to which an inverse is as accurate as a pseudoinverse [-]
 HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
-# largest change of all residuals together in the last round of a robust fit; the next one would be far smaller [width of Huber's loss]
+# largest change of all residuals together in the last round of a robust fit; the next would be far smaller [width of Huber's loss]
 SETTLED = 0.01
 DETERMINED = 0.3  # share of each column's square that rows of full weight must hold for Newton's method [-]
 
