@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -78,7 +79,20 @@ class Problem(ABC):
 
     def values(self, point: np.ndarray) -> dict[str, float]:
         """Return the parameters of a search point, by name."""
-        return {u.name: float(u.outward(x)) for u, x in zip(self.unknowns, point, strict=True)}
+        (log, scale, lower, upper), point = (
+            self._outward,
+            np.asarray(point),
+        )  # as `Unknown.outward` of each, in a tenth of the time
+        value = point * scale
+        value[log] = np.exp(point[log])
+        return dict(zip(self.names, np.clip(value, lower, upper).tolist(), strict=True))
+
+    @cached_property
+    def _outward(self) -> tuple[np.ndarray, ...]:
+        """Which unknowns are searched by their logarithm, and scales and bounds of all, (P,) each."""
+        log = np.array([u.log for u in self.unknowns], dtype=bool)
+        rest = np.array([[u.scale, u.lower, u.upper] for u in self.unknowns], dtype=np.float64).reshape(-1, 3)
+        return log, *rest.T
 
     def point(self, values: Mapping[str, float]) -> np.ndarray:
         """Return the search point of parameters by name; missing ones take their starting value."""
@@ -91,16 +105,22 @@ class Problem(ABC):
     def residuals(self, points: np.ndarray) -> np.ndarray:
         """Return predicted minus measured values for a batch of search points [unit of the measurement], (B, m)."""
         predicted = self.predict([self.values(p) for p in points])
-        residual, begin = np.empty((len(points), self.size)), 0
-        for x, (y, counts) in zip(predicted, self.series(), strict=True):
-            rows = np.flatnonzero(counts)
+        residual, begin = np.empty((len(points), sum(rows.size for rows, _ in self._measurements))), 0
+        for x, (rows, y) in zip(predicted, self._measurements, strict=True):
             part = residual[:, begin : begin + rows.size]
             for ahead, model in zip(
                 part, x, strict=True
-            ):  # row by row, to avoid a temporary array of full size
-                np.subtract(model[rows], y[rows], out=ahead)
+            ):  # row by row, without a temporary array of full size
+                np.take(model, rows, out=ahead, mode="clip")  # no copy, as it would be by the default mode
+                ahead -= y
             begin += rows.size
         return residual
+
+    @cached_property
+    def _measurements(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The samples that count, (m,), and the signal measured there, (m,), of each record."""
+        rows = [(y, np.flatnonzero(counts)) for y, counts in self.series()]
+        return [(index, y[index]) for y, index in rows]
 
     def encoder(self, point: np.ndarray) -> np.ndarray:
         """Return the change of the residuals for random encoder rounding errors, one draw per row, (draws, m).

@@ -29,6 +29,7 @@ LONGEST_DELAY = 0.05  # longest delay of the search [s]
 SMOOTHED = 100.0  # default bandwidth of encoder noise in the velocity [Hz]
 RESTS = 1e-3  # share of the top speed below which a joint is at rest [-]
 BESIDE = 6  # number of samples on each side of a rest or reversal that do not count if friction jumps there
+KEPT = 1 << 17  # most samples of a stretch whose shifted motion is kept for the next prediction
 DRAWS = 8  # number of random draws of the encoder's rounding error, for its part of the standard errors
 # speed error of a low-passed encoder, pi sqrt(2)/3, in units of one step per sample times (bandwidth dt)^(3/2)
 BLUR = 1.5
@@ -163,6 +164,9 @@ class TorqueProblem(Problem):
         self.count = scales.slowest * dt
         self.blur = max(BLUR * scales.slowest * band * dt * np.sqrt(band * dt), 1e-5 * scales.speed)
         self.regressors = [columns(s, (*self.terms, *self.known)) for s in self.stretches]
+        self._moved: dict[
+            tuple[int, float], tuple[np.ndarray, ...]
+        ] = {}  # by stretch and delay, of the last prediction
         super().__init__(shape, unknowns)
         self.largest = max(float(np.abs(s.torque).max()) for s in self.stretches)
         if self.size < FEWEST:
@@ -203,9 +207,11 @@ class TorqueProblem(Problem):
         beta = np.array([[*(v[t] for t in self.terms), *self.known.values()] for v in values])
         rigid = self.shape.element.SET_VALUED
         delays, which = np.unique([v.get("delay", 0.0) for v in values], return_inverse=True)
-        predicted = []
-        for s, X in pairs:
-            moved = [_late(s, X, d / s.dt, rigid) for d in delays]
+        predicted, kept = [], {}
+        before = self._moved if records is None else {}
+        for k, (s, X) in enumerate(pairs):
+            moved = [before[k, d] if (k, d) in before else _late(s, X, d / s.dt, rigid) for d in delays]
+            kept |= {(k, d): m for d, m in zip(delays, moved, strict=True) if len(s.dp) <= KEPT}
             dp, load = np.array([m[0] for m in moved]), np.array([m[1] for m in moved])
             warmth = np.tile(
                 s.temperature, (len(delays), 1)
@@ -218,6 +224,7 @@ class TorqueProblem(Problem):
                 for row, rest in zip(mine, beta[mine] @ moved[j][2], strict=True):
                     tau[row] += rest
             predicted.append(tau)
+        self._moved = kept if records is None else self._moved
         return predicted
 
     def sort_elements(self, found: SearchResult) -> SearchResult:
