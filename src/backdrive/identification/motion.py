@@ -48,6 +48,7 @@ from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.identification.user_delay import describe
+from backdrive.identification.windows import windows_of
 from backdrive.logs.log import Joint, Log
 from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity
@@ -56,6 +57,7 @@ from backdrive.model.covariance import errors_by_parameter
 SHORT, FEW_TURNS = 4.0, 4  # least duration of motion [s] and least number of reversals without a remark
 LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
 LEAST_MOVES = 6  # least number of moves for standard errors
+ENOUGH = 300_000  # largest number of samples for a rough delay and for the candidate with which the delay is fitted
 SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
 NAMED = 0.05  # least constant beside the friction that is mentioned, relative to it [-]
 
@@ -89,7 +91,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     """
     smooth = smoothing([*logs, *held_out], joint, cutoff)
     stretches = [s for log in logs for s in prepare(log, joint, cutoff=smooth.cutoff)]
-    about = logs[0].select(joint).joints[0]
+    about = logs[0].joints[logs[0].column(joint)]
     speeds = np.concatenate([s.velocity[s.moving] for s in stretches])
     if not speeds.size or not np.max(np.abs(speeds)) > 0:
         raise NotIdentifiable(
@@ -125,8 +127,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (slower_way if both else top))
 
-    def shift(late: float) -> list[Signals]:
-        return [delay_signals(s, late) for s in stretches]
+    def shift(late: float, some: Sequence[Signals] = stretches) -> list[Signals]:
+        return [delay_signals(s, late) for s in some]
 
     def average(motion: list[Signals], spread: np.ndarray | None = None) -> Bins:
         filled = HALF if few else FILLED
@@ -145,18 +147,23 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     rate = stretches[0].rate
     corner = smooth.cutoff or default_cutoff(rate)
-    step = 0.0 if logs[0].position is None else encoder_step(logs[0].select(joint))
+    step = encoder_step(logs[0], joint)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, simpler, coarse = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, None
 
+    look = windows_of(stretches, ENOUGH) or stretches
+
     def simplest_at(slip: Slip) -> design.Candidate:
-        return simplest(slip, average(shift(slip.delay)))[0]
+        try:
+            return simplest(slip, average(shift(slip.delay, look)))[0]
+        except NotIdentifiable:  # they show too little motion
+            return simplest(slip, average(shift(slip.delay)))[0]
 
     if delay is not None:
         slip = fix_slip(stretches, knots, full, seconds, delay)
         simpler = None if few else simplest_at(slip)
     elif not few:
-        slip, coarse, simpler = search_slip(stretches, knots, full, seconds, simplest_at)
+        slip, coarse, simpler = search_slip(stretches, look, knots, full, seconds, simplest_at)
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)

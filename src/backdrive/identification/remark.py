@@ -62,7 +62,7 @@ class Case:
     def count(self) -> float:
         """The encoder's step [rad or m]; 0 if the positions have no steps."""
         name = self.friction.joint.name
-        return max((encoder_step(log.select(name)) for log in self.logs), default=0.0)
+        return max((encoder_step(log, name) for log in self.logs), default=0.0)
 
     @property
     def unit(self) -> str:

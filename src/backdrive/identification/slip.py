@@ -103,6 +103,7 @@ def coarse_delay(stretches: Sequence[Signals]) -> float | None:
 
 def search_slip(
     stretches: Sequence[Signals],
+    look: Sequence[Signals],
     knots: np.ndarray,
     full: design.Candidate,
     seconds: float,
@@ -112,13 +113,16 @@ def search_slip(
 
     Args:
         stretches: of one joint.
+        look: windows of them for a rough delay, or all.
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia, without jerk.
         seconds: of the bins [s].
         choose: gives the candidate for a rough delay.
     """
     coarse, widest = None, full.with_term("jerk")
-    slip = seek_slip(stretches, knots, widest, seconds, rough=True)
+    slip = seek_slip(look, knots, widest, seconds, rough=True)
+    if not slip.is_known and look is not stretches:
+        slip = seek_slip(stretches, knots, widest, seconds, rough=True)
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
         slip = seek_slip(stretches, knots, widest, seconds, coarse, rough=True)
     candidate = choose(slip)

@@ -18,19 +18,21 @@ MOST_ROUNDS = 8
 _kept: WeakKeyDictionary[Log, dict[tuple[str, str, int], float]] = WeakKeyDictionary()
 
 
-def encoder_step(log: Log) -> float:
-    """Return the smallest step of the positions of a log's only joint [rad or m].
+def encoder_step(log: Log, joint: str | int = 0) -> float:
+    """Return the smallest step of the positions of a joint [rad or m].
 
     Args:
-        log: of one joint; the step follows from its encoder counts if known, otherwise from the finite readings.
+        log: the step follows from the joint's encoder counts if known, otherwise from the finite readings.
+        joint: name or column.
 
     Returns:
         The step; 0 where the readings come in no steps, or there are none.
     """
-    counts = log.joints[0].encoder_counts
+    column = log.column(joint)
+    counts = log.joints[column].encoder_counts
     if counts:
         return 1.0 / counts
-    return 0.0 if log.position is None else channel_step(log, "position", 0)
+    return 0.0 if log.position is None else channel_step(log, "position", column)
 
 
 def channel_step(log: Log, channel: str, joint: int) -> float:

@@ -14,6 +14,7 @@ from backdrive.identification.dynamic.fit import Fit, conclude
 from backdrive.identification.dynamic.search import Search, screen
 from backdrive.identification.dynamic.torque import BESIDE, LONGEST_DELAY, Stretch, TorqueProblem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales
+from backdrive.identification.windows import windows_of
 
 FAR = 3.0  # delay above which reversals are shifted before the search [sample]
 TRIES = 3  # largest number of searches, each with reversals shifted by the delay of the last one
@@ -22,8 +23,6 @@ SHORT = 8  # iterations of each of these
 LONGEST_DESCENT = 40  # largest number of iterations from the best of them
 STEPS = (1 + DESCENTS) * SHORT + LONGEST_DESCENT
 ENOUGH = 60_000  # largest number of samples for all descents but one from their end
-SHORTEST = 50  # least number of samples of a window
-WINDOWS = 6  # number of windows from which they are taken
 
 
 def fit_law(  # noqa: PLR0913  (its options are given by keyword)
@@ -91,7 +90,7 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
             shape, part, scales, terms=terms, delay=delay, bounds=bounds, known=known, about=about
         )
 
-    part = windows_of(stretches)
+    part = windows_of(stretches, ENOUGH)
     if part is not None:
         try:
             problem_of(part, about)
@@ -128,20 +127,6 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
         )
         found = replace(found, interrupted=stopped or found.interrupted)
     return conclude(problem, found, loss)
-
-
-def windows_of(stretches: Sequence[Stretch]) -> list[Stretch] | None:
-    """Return windows spread evenly over many samples, together `ENOUGH`; None if there are no more than that."""
-    whole, length = sum(len(s.torque) for s in stretches), ENOUGH // WINDOWS
-    if whole <= ENOUGH:
-        return None
-    begins, before, part = np.linspace(0, whole - length, WINDOWS).astype(int).tolist(), 0, []
-    for s in stretches:
-        n = len(s.torque)
-        spans = [(max(begin - before, 0), min(begin + length - before, n)) for begin in begins]
-        part += [s.rows(slice(first, last)) for first, last in spans if last - first >= SHORTEST]
-        before += n
-    return part
 
 
 LawFit = Fit

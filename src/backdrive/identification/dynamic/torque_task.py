@@ -93,7 +93,7 @@ class TorqueTask(Task):
         terms = [term for term in asked if term not in options.known]
         self.load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
         self.warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
-        step = max(encoder_step(log.select(name)) for log in logs)
+        step = max(encoder_step(log, name) for log in logs)
         counts = 1.0 / step if step > 0.0 else None
         sizes = starts.scales(stretches, terms, info.unit, counts, known)
         presliding = sizes.length * (counts or np.inf) >= 5.0
