@@ -43,6 +43,7 @@ DERIVATIVE = 0.4  # largest K_d (T + T_d)/M of this controller, for a stable loo
 DECAYS = (1.0, 500.0)  # limits of alpha [1/s]: torque gone 3 s after a stop, and half of it in one tick
 BACK_OFF = 0.96  # factor on R, or on another calming parameter, if a joint does not come to rest
 SOFTER = 0.85  # factor on K as well, if R alone is not sufficient
+AT_ONCE = 4  # joints that are tested together where the first failure ends the test
 GOALS = ("backdrive", "track", "estimate", "admit")
 
 
@@ -136,17 +137,27 @@ class Goal:
     def scores(self, many: Sequence[Numbers]) -> np.ndarray:
         """Return the score of each set of numbers, (n,)."""
         weighed = [part for part in self.parts if part.weight > 0.0]
-        return np.sum([part.weight * self.values(part, many) for part in weighed], axis=0)
+        values = self.values(weighed, many)
+        return np.sum([part.weight * values[part.name] for part in weighed], axis=0)
 
-    def values(self, part: Part, many: Sequence[Numbers]) -> np.ndarray:
-        """Return a part of the score of each set of numbers, without its weight, (n,)."""
-        made = (part.scene(z, m) for z in many for m in self.score_on)
-        found = np.array(evaluate(made, part.value)).reshape(len(many), -1) / part.unit()
-        return np.where(np.isfinite(found), found, np.inf).mean(axis=1)
+    def values(self, parts: Sequence[Part], many: Sequence[Numbers]) -> dict[str, np.ndarray]:
+        """Return parts of the score of each set of numbers by name, without their weights, (n,) each.
+
+        Parts that are read from the same scene share its simulation.
+        """
+        found: dict[str, np.ndarray] = {}
+        for scene in dict.fromkeys(part.scene for part in parts):
+            alike = [part for part in parts if part.scene is scene]
+            made = (scene(z, m) for z in many for m in self.score_on)
+            each = evaluate(made, lambda record, alike=alike: [part.value(record) for part in alike])
+            for part, read in zip(alike, np.array(each).reshape(-1, len(alike)).T, strict=True):
+                one = read.reshape(len(many), -1) / part.unit()
+                found[part.name] = np.where(np.isfinite(one), one, np.inf).mean(axis=1)
+        return found
 
     def part_scores(self, many: Sequence[Numbers]) -> dict[str, np.ndarray]:
         """Return all parts of the score of each set of numbers by name, without their weights, (n,) each."""
-        return {part.name: self.values(part, many) for part in self.parts}
+        return self.values(self.parts, many)
 
     def worst(
         self,
@@ -158,6 +169,12 @@ class Goal:
         safe.
         """
         return self.unrests(many, self.test_on if members is None else members, longest).max(axis=1)
+
+    def rests(self, z: Numbers, members: Sequence[Member] | None = None, longest: float = SUBSTEP) -> bool:
+        """Return whether numbers are safe on all joints; the first few joints of which one is not end the test."""
+        every = self.test_on if members is None else members
+        pieces = (every[first : first + AT_ONCE] for first in range(0, len(every), AT_ONCE))
+        return all(self.worst([z], piece, longest)[0] <= 1.0 for piece in pieces)
 
     def unrests(
         self, many: Sequence[Numbers], members: Sequence[Member], longest: float = SUBSTEP

@@ -79,11 +79,11 @@ def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> 
     at_the_ends = ends(goal)
 
     def share_breaks(share: float) -> bool:
-        return bool(goal.worst([{**z, "share": share}], at_the_ends, scenes.FINE)[0] > 1.0)
+        return not goal.rests({**z, "share": share}, at_the_ends, scenes.FINE)
 
     def delay_breaks(delay: float) -> bool:
         late = [replace(m, delay=delay) for m in goal.test_on]
-        return bool(goal.worst([z], late, scenes.FINE)[0] > 1.0)
+        return not goal.rests(z, late, scenes.FINE)
 
     longest = max(12.0 * facts.interval, 4.0 * facts.delay)
     return {

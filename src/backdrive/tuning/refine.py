@@ -12,7 +12,7 @@ import numpy as np
 
 from backdrive.tuning.goals import Goal, Numbers
 from backdrive.tuning.members import Member
-from backdrive.tuning.safety import Trial, calm, restless, trials
+from backdrive.tuning.safety import Trial, calm, restless, rests, trials
 from backdrive.tuning.scenes import SUBSTEP
 from backdrive.tuning.search import inverse, place
 
@@ -87,6 +87,6 @@ def _best_at_rest(
     for i in np.argsort(scores, kind="stable"):
         if not np.isfinite(scores[i]):
             break
-        if not restless(goal, many[i], hard, SUBSTEP):
+        if rests(goal, many[i], hard, SUBSTEP):
             return int(i)
     return -1

@@ -20,6 +20,7 @@ from backdrive.tuning.scenes import FINE, SUBSTEP
 
 NUDGE = 1.03  # factor on R and K with which the ends of the intervals have to come to rest too
 HALVINGS = 2  # halvings of the last reduction after it passed
+AT_ONCE = 16  # trials that are simulated together where the first failure ends them
 MOST_DELAYS = 8  # steps of half an interval, or longer ones, between no delay and the longest
 Trial = tuple[Member, float]  # a joint, and the factor on R and K
 
@@ -49,6 +50,12 @@ def trials(goal: Goal, members: Sequence[Member]) -> list[Trial]:
     return [(m, NUDGE) for m in ended] + [(m, 1.0) for m in (*ended, *members)]
 
 
+def rests(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FINE) -> bool:
+    """Return whether the joint comes to rest in all trials; the first that fails ends it. `longest`: integration step [s]."""
+    pieces = (tried[first : first + AT_ONCE] for first in range(0, len(tried), AT_ONCE))
+    return not any(restless(goal, z, piece, longest) for piece in pieces)
+
+
 def restless(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FINE) -> list[Trial]:
     """Return the trials in which a joint does not come to rest; `longest`: integration step [s]."""
 
@@ -69,7 +76,7 @@ def safe(goal: Goal, z: Numbers, members: Sequence[Member]) -> bool:
         z: the numbers.
         members: drawn joints.
     """
-    return not restless(goal, z, trials(goal, members))
+    return rests(goal, z, trials(goal, members))
 
 
 def calm(goal: Goal, z: dict[str, float], members: Sequence[Member]) -> dict[str, float]:
@@ -123,8 +130,8 @@ def _nearer(
     """
     for _ in range(HALVINGS):
         middle = {**z, **{k: float(np.sqrt(z[k] * failed[k])) for k in way}}
-        if restless(goal, middle, every):
-            failed = middle
-        else:
+        if rests(goal, middle, every):
             z = middle
+        else:
+            failed = middle
     return z

@@ -1,8 +1,8 @@
 """The search for the best numbers that pass the safety test, with few simulated scenes.
 
-The test costs several times the score, so candidates are tested in the order of their scores, a few at a time, until one
-passes. Around it the search goes on with shrinking steps along the axes and across them. Only the oblique directions are
-random, and they depend on the seed.
+The test costs several times the score, so candidates are tested in the order of their scores until one passes. Around it the
+search goes on with shrinking steps along the axes and across them. Only the oblique directions are random, and they depend on the
+seed.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import numpy as np
 
 from backdrive.tuning.goals import Goal, Ranges
 
-AT_ONCE = 3  # candidates that are tested together
 STEPS = (0.2, 0.1, 0.05, 0.025, 0.012)  # of the ranges
 
 
@@ -65,11 +64,9 @@ def best_safe(
         below: sets without a better score than this are skipped.
     """
     order = [int(i) for i in np.argsort(scores, kind="stable") if scores[i] < below]
-    for first in range(0, len(order), AT_ONCE):
-        batch = order[first : first + AT_ONCE]
-        for i, worst in zip(batch, goal.worst([many[i] for i in batch]), strict=True):
-            if worst <= 1.0:
-                return i, first + len(batch)
+    for tested, i in enumerate(order, 1):
+        if goal.rests(many[i]):
+            return i, tested
     return -1, len(order)
 
 
