@@ -153,7 +153,7 @@ class Goal:
             for part, read in zip(alike, np.array(each).reshape(-1, len(alike)).T, strict=True):
                 one = read.reshape(len(many), -1) / part.unit()
                 found[part.name] = np.where(np.isfinite(one), one, np.inf).mean(axis=1)
-        return found
+        return {part.name: found[part.name] for part in parts}
 
     def part_scores(self, many: Sequence[Numbers]) -> dict[str, np.ndarray]:
         """Return all parts of the score of each set of numbers by name, without their weights, (n,) each."""
