@@ -105,3 +105,22 @@ def test_noise_of_opposite_neighbours_is_whitened():
             assert abs(np.corrcoef(series[1003 + lag :], series[1003:-lag])[0, 1]) < 0.05
         assert np.array_equal(series[~used], raw[~used])
         assert series[1003] == pytest.approx(np.sqrt(1.0 + share**2) * raw[1003])  # anew after a gap
+
+
+@pytest.mark.parametrize("size", [0.0, 10.0, 300.0])
+@pytest.mark.parametrize("length", [1, 150])
+def test_bursts_of_torque_leave_inertia_and_delay_alone(size, length):
+    rng, t = np.random.default_rng(1), np.arange(0.0, 40.0, 0.002)
+    q = 0.8 * np.sin(2.0 * np.pi * 0.3 * t) + 0.3 * np.sin(2.0 * np.pi * 1.1 * t + 1.0)
+    v = np.gradient(q, t)
+    tau = 0.4 * np.gradient(v, t) + 2.0 * np.tanh(v / 0.005) + 1.5 * v + 2.0 * np.sin(q) + 0.3
+    tau += 0.02 * rng.standard_normal(t.size)
+    for first in rng.integers(t.size - 150, size=5).tolist():
+        tau[first : first + length] += size
+    friction = identify(
+        Log.from_arrays(time=t, position=q, torque=tau), method="motion", accept=["outlier"]
+    ).model.joints[0]
+    found = friction.dynamics
+    assert found["inertia"].value == pytest.approx(0.4, abs=5e-4) and found["inertia"].standard_error < 2e-4
+    assert found["time_slip"].value == pytest.approx(0.0, abs=1e-4)
+    assert found["gravity_sin"].value == pytest.approx(2.0, abs=0.01)

@@ -84,6 +84,26 @@ def test_a_robust_fit_is_the_least_of_huber_s_loss(wild, start):
     assert weights == pytest.approx(regression.huber_weights(y - X @ theta, width), abs=1e-3)
 
 
+@pytest.mark.parametrize("kind", ["spikes", "bursts", "cauchy", "leverage"])
+def test_a_robust_fit_stays_with_the_many(kind):
+    """Newton's method cycles on such data, which is why the weights are iterated."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        X, noise = rng.standard_normal((1000, 3)), 0.1 * rng.standard_normal(1000)
+        if kind == "spikes":
+            noise[rng.choice(1000, 20, replace=False)] = 1e3 * rng.standard_normal(20)
+        elif kind == "bursts":
+            for first in rng.integers(0, 950, size=4):
+                noise[first : first + 50] += 300.0
+        elif kind == "cauchy":
+            noise = 0.1 * rng.standard_cauchy(1000)
+        else:
+            X[:8] *= 30.0
+            noise[:8] = 20.0 * rng.standard_normal(8)
+        theta = regression.robust_solution(X, X @ [1.0, 2.0, 3.0] + noise, np.ones(1000))
+        assert theta == pytest.approx([1.0, 2.0, 3.0], abs=0.5 if kind == "leverage" else 0.05), seed
+
+
 def test_a_column_that_wild_rows_alone_determine_does_not_run_away():
     X = np.stack([np.ones(200), (np.arange(200) < 3).astype(float)], axis=1)
     y = 0.1 * np.random.default_rng(2).standard_normal(200)

@@ -19,9 +19,8 @@ NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 MOST_NOISE = 0.5  # largest share of a column's mean square that is taken as noise [-]
 WELL = 1e6  # condition number up to which an inverse is as accurate as a pseudoinverse [-]
 HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
-# largest change of all residuals together in the last round of a robust fit; the next would be far smaller [width of Huber's loss]
-SETTLED = 0.01
-DETERMINED = 0.3  # share of each column's square that rows of full weight must hold for Newton's method [-]
+# largest change of all residuals together in the last round of a robust fit [width of Huber's loss]
+SETTLED = 3e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -141,7 +140,7 @@ def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray
 
 
 def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
-    """Return `w` times Huber's weights for residuals of the fit with Huber's loss, (n,)."""
+    """Return `w` times Huber's weights, by iteratively reweighted least squares."""
     return _reweigh(X, y, w, rounds)[0]
 
 
@@ -163,11 +162,7 @@ def robust_solution(
 def _reweigh(
     X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int, start: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return Huber's weights times `w`, (n,), and the coefficients fitted with Huber's loss, (p,).
-
-    Newton's method takes two thirds of the rounds of iterated weights. If many rows of a column are beyond the width, or the last
-    round moved the residuals more than the one before, a round is one of iterated weights, which converge from anywhere.
-    """
+    """Return Huber's weights times `w`, (n,), and the solution for them, (p,)."""
     inside = np.flatnonzero(w)
     p, prior, count = X.shape[1], w[inside], inside.size
     whole = np.zeros((p + 1, p + 1))  # of X and y: one product gives both sides of the equations
@@ -178,30 +173,25 @@ def _reweigh(
     scale = np.append(scale, 1.0)
     whole /= scale[:, None] * scale
     whole.reshape(-1)[: p * (p + 1) : p + 2] += RIDGE  # the diagonal of X'X
-    lighter, size, residual, width, moved = inside[:0], prior, np.full(count, np.inf), 0.0, np.inf
+    lighter, lost, residual = inside[:0], prior[:0], np.full(count, np.inf)
     solution = _solve_unit(whole) if start is None else start * scale[:p]
     for _ in range(rounds):
         left = y - X @ (solution / scale[:p])
-        residual, before, last = left if count == y.size else left[inside], residual, moved
+        residual, before = left if count == y.size else left[inside], residual
         size = np.abs(residual)
         width = HUBER * _spread_of(size) if count else 0.0
         before -= residual
-        moved = float(before @ before)
-        if moved <= (SETTLED * width) ** 2:  # a standard error changes them by about a width
+        if before @ before <= (SETTLED * width) ** 2:  # a standard error changes them by about a width
             break
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
-        part = _rows(X, y, inside[lighter], prior[lighter])  # few rows, subtracted from all equations
+        lost = prior[lighter] * (1.0 - width / size[lighter])
+        part = _rows(
+            X, y, inside[lighter], lost
+        )  # few rows, whose lost weight is subtracted from all equations
         part /= scale
-        equations = whole - part.T @ part
-        if moved <= last and equations.diagonal()[:p].min() > DETERMINED:  # Newton's method
-            pull = width * np.sqrt(prior[lighter]) * np.sign(residual[lighter])
-            equations[:p, p] += pull @ part[:, :p]
-        else:  # iterated weights, which always converge
-            part *= np.sqrt(1.0 - width / size[lighter])[:, None]
-            equations = whole - part.T @ part
-        solution = _solve_unit(equations)
+        solution = _solve_unit(whole - part.T @ part)
     weights = prior.copy()
-    weights[lighter] *= width / size[lighter]
+    weights[lighter] -= lost
     result = np.zeros(w.size)
     result[inside] = weights
     return result, solution / scale[:p]

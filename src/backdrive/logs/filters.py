@@ -6,6 +6,7 @@ what the sampling cannot resolve, without bias of the fit.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
 from functools import cache, lru_cache
@@ -16,9 +17,7 @@ from backdrive.errors import InvalidInput
 
 SHORT = 1 << 16  # the gains of up to so many samples are kept for the next series [sample]
 CIRCLE = 1 << 13  # length of the pieces of a long series, unless the response is longer [sample]
-FADES = (
-    14.0  # time after which the response is below the rounding of numbers [period of the cutoff frequency]
-)
+ROUNDING = 34.0  # natural logarithm of what no longer changes a number, inverse [-]
 AT_ONCE = 1 << 16  # pieces are transformed together, in half the time; more would not fit the cache [sample]
 ODD = tuple(3**i * 5**j for i in range(20) for j in range(14))  # odd factors of lengths that transform fast
 
@@ -88,7 +87,12 @@ def low_pass_rows(
         circle *= 2
     result = np.empty((len(rows), size)) if out is None else out
     if size > 2 * circle:
-        _in_pieces(list(rows), _gain_of(circle, cutoff / rate, order), margin, result)
+        _in_pieces(
+            [np.asarray(row, dtype=np.float64) for row in rows],
+            _gain_of(circle, cutoff / rate, order),
+            margin,
+            result,
+        )
         return result
     pad = min(margin, size - 1)
     circle = fft_length(size + 2 * pad)
@@ -109,7 +113,10 @@ def fade(cutoff: float, order: int = 4) -> int:
         cutoff: by the sampling rate [-].
         order: of one pass.
     """
-    return math.ceil(FADES * order / 4 / cutoff)
+    slowest = math.tan(math.pi * cutoff) * cmath.exp(
+        0.5j * math.pi * (1.0 + 1.0 / order)
+    )  # of the poles, before sampling
+    return math.ceil(ROUNDING / -math.log(abs((1.0 + slowest) / (1.0 - slowest))))
 
 
 def _in_pieces(rows: Sequence[np.ndarray], gain: np.ndarray, margin: int, result: np.ndarray) -> None:

@@ -31,7 +31,7 @@ def quantile(x: np.ndarray, share: float) -> float:
         x: (n,).
         share: from 0 to 1 [-].
     """
-    if not x.size or math.isnan(x @ x):  # the square of an infinity is none
+    if not x.size or math.isnan(x.min()):
         return math.nan
     rank = share * (x.size - 1)
     low = min(int(rank), x.size - 1)
@@ -62,4 +62,6 @@ def _between_bounds(x: np.ndarray, rank: int) -> tuple[np.ndarray, int]:
     low, high = sample[max(middle - margin, 0)], sample[min(middle + margin, sample.size - 1)]
     below = x < low
     inside, at = x.take(np.flatnonzero(below ^ (x <= high))), rank - int(np.count_nonzero(below))
-    return (inside, at) if 0 <= at < inside.size - 1 else (x.copy(), rank)
+    return (
+        (inside, at) if high >= low and 0 <= at < inside.size - 1 else (x.copy(), rank)
+    )  # not if they are NaN
