@@ -7,7 +7,7 @@ from _synthetic import any_motion
 from backdrive import identify
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.motion import identify_motion
-from backdrive.identification.signals import prepare
+from backdrive.identification.signals import prepare, turns
 from backdrive.logs.log import Joint, Log
 
 
@@ -158,3 +158,19 @@ def test_a_slow_start_is_no_slow_sliding():
     travelled = (position - position[0]) / position[-1]
     assert not stretch.sliding[travelled < 0.004].any()
     assert stretch.sliding[(travelled > 0.03) & (travelled < 0.9)].all()
+
+
+@pytest.mark.parametrize(
+    ("velocity", "before"),
+    [
+        ([1.0, 0.0, -1.0], [1]),  # a sample right at the reversal
+        ([-1.0, 0.0, 1.0, 0.0, -1.0], [1, 3]),
+        ([1.0, 0.0, 0.0, -1.0], [0, 2]),  # a rest
+        ([1.0, 0.0, 1.0], [0, 1]),
+        ([2.0, -1.0], [0]),
+        ([1.0], []),
+        ([], []),
+    ],
+)
+def test_a_reversal_counts_once_even_where_a_sample_hits_it(velocity, before):
+    assert turns(np.array(velocity)).tolist() == before

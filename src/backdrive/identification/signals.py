@@ -269,10 +269,12 @@ def _ways(velocity: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def turns(velocity: np.ndarray) -> np.ndarray:
-    """Return the indices of the last samples before the sign of a velocity changes, (k,)."""
+    """Return the indices of the last samples before the sign of a velocity changes, (k,); one zero on the way is no rest."""
     sign = (velocity > 0.0).view(np.int8) - (velocity < 0.0).view(
         np.int8
     )  # an eighth of the memory of `np.sign`
+    across = np.flatnonzero((sign[:-2] == -sign[2:]) & (sign[1:-1] == 0) & (sign[2:] != 0))
+    sign[across + 1] = sign[across]
     return np.flatnonzero(sign[1:] != sign[:-1])
 
 
