@@ -33,9 +33,8 @@ def whiten(rows: np.ndarray, apart: np.ndarray, correlation: float) -> np.ndarra
         correlation: of the noise of neighbouring samples, from 0 to below 1 [-].
     """
     result = np.array(rows)
-    result[1:] -= (
-        correlation * rows[:-1]
-    )  # as if all were neighbours: one factor for all takes a third of the time
+    # as if all were neighbours: one factor for all takes a third of the time
+    result[1:] -= correlation * rows[:-1]
     result[1:] /= np.sqrt(1.0 - correlation**2)
     far = np.flatnonzero(apart != 1)
     kept = (correlation ** apart[far]).reshape(-1, *[1] * (rows.ndim - 1))

@@ -113,9 +113,8 @@ def fade(cutoff: float, order: int = 4) -> int:
         cutoff: by the sampling rate [-].
         order: of one pass.
     """
-    slowest = math.tan(math.pi * cutoff) * cmath.exp(
-        0.5j * math.pi * (1.0 + 1.0 / order)
-    )  # of the poles, before sampling
+    # of the poles, before sampling
+    slowest = math.tan(math.pi * cutoff) * cmath.exp(0.5j * math.pi * (1.0 + 1.0 / order))
     return math.ceil(ROUNDING / -math.log(abs((1.0 + slowest) / (1.0 - slowest))))
 
 

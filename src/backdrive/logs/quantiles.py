@@ -62,6 +62,5 @@ def _between_bounds(x: np.ndarray, rank: int) -> tuple[np.ndarray, int]:
     low, high = sample[max(middle - margin, 0)], sample[min(middle + margin, sample.size - 1)]
     below = x < low
     inside, at = x.take(np.flatnonzero(below ^ (x <= high))), rank - int(np.count_nonzero(below))
-    return (
-        (inside, at) if high >= low and 0 <= at < inside.size - 1 else (x.copy(), rank)
-    )  # not if they are NaN
+    found = high >= low and 0 <= at < inside.size - 1  # not if a bound is NaN
+    return (inside, at) if found else (x.copy(), rank)
