@@ -121,6 +121,21 @@ def test_no_curve_is_fitted_below_sustained_sliding():
     assert friction.validity.lowest_speed < 0.05 * lowest
 
 
+def test_a_moment_of_creeping_does_not_bend_a_line():
+    """Slower samples than a line is fitted to are left out, even where all other motion is faster."""
+    time = np.arange(0.0, 40.0, 0.002)
+    fast = np.tanh(6.0 * np.sin(0.5 * np.pi * time)) * (1.0 + 0.3 * np.sin(time))
+    creeping = np.clip(8.0 * np.abs(time - 21.0) - 0.8, 0.0, 1.0)  # for 0.2 s, amid a move
+    velocity = fast * (0.02 + 0.98 * creeping**2 * (3.0 - 2.0 * creeping))
+    torque = 5.0 * np.tanh(velocity / 0.02) + 2.0 * velocity + 0.3 * np.gradient(velocity, time)
+    torque += 0.2 * np.random.default_rng(0).standard_normal(time.size)
+    log = Log(time=time, joints=(Joint(name="j1"),), position=0.002 * np.cumsum(velocity), torque=torque)
+    friction, _ = identify_motion([log], "j1", law="coulomb-viscous", gravity=False)
+    law, errors = friction.law.rate, friction.standard_errors
+    assert abs(law.coulomb_positive - 5.0) < 3.0 * errors["coulomb_positive"]
+    assert abs(law.viscous_positive - 2.0) < 3.0 * errors["viscous_positive"]
+
+
 def test_another_log_is_judged_when_given():
     dry = lambda v: 5.0 * np.sign(v) + 2.0 * v  # noqa: E731
     good, _ = identify_motion([any_motion(dry)], "j1", held_out=[any_motion(dry, seed=5, phase=40.0)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backdrive.identification.motion import identify_motion
-from backdrive.identification.signals import prepare, way_since_reversal
+from backdrive.identification.signals import prepare, turns, way_since_reversal
 from backdrive.identification.smoothing import noise
 from backdrive.logs.filters import low_pass
 from backdrive.logs.log import Joint, Log
@@ -16,13 +16,29 @@ WAVES = ((0.8, 0.9, 0.0), (0.4, 2.3, 1.0), (0.2, 6.1, 2.0))  # rad, rad/s, rad
 INERTIA, COULOMB, VISCOUS = 0.3, 1.0, 0.4
 
 
-def joint_log(seed: int, bend: float = 0.0, step: float = 0.0, colour: float = 0.98, sd: float = 0.02) -> Log:
-    """Return the log of a joint whose friction is complete so long a way after a reversal [rad], as a spring's."""
+def joint_log(
+    seed: int,
+    bend: float = 0.0,
+    step: float = 0.0,
+    colour: float = 0.98,
+    sd: float = 0.02,
+    rest: float = 0.0,
+) -> Log:
+    """Return the log of a joint whose friction is complete so long a way after a reversal [rad], as a spring's.
+
+    Every fifth turning point lasts for a rest [s].
+    """
     rng = np.random.default_rng(seed)
     t = np.arange(round(30.0 * RATE)) / RATE
     q = sum(a * np.sin(w * t + p) for a, w, p in WAVES)
     v = sum(a * w * np.cos(w * t + p) for a, w, p in WAVES)
     acceleration = -sum(a * w * w * np.sin(w * t + p) for a, w, p in WAVES)
+    if rest:
+        turns = (np.flatnonzero(np.diff(np.sign(v)) != 0) + 1)[::5]
+        held = np.repeat(turns, round(rest * RATE))
+        q = np.insert(q, held, q[held])
+        v, acceleration = np.insert(v, held, 0.0), np.insert(acceleration, held, 0.0)
+        t = np.arange(q.size) / RATE
     z = np.zeros(t.size)
     for k in range(1, t.size):
         z[k] = np.clip(z[k - 1] + q[k] - q[k - 1], -bend, bend)
@@ -41,8 +57,8 @@ def scores(name: str, truth: float, **options) -> np.ndarray:
     made = []
     for seed in range(8):
         friction, _ = identify_motion([joint_log(seed, **options)], "j", law="coulomb-viscous")
-        if name == "inertia":
-            estimate = friction.dynamics["inertia"]
+        if name in friction.dynamics:
+            estimate = friction.dynamics[name]
             made.append((estimate.value - truth) / estimate.standard_error)
         else:
             made.append((getattr(friction.law.rate, name) - truth) / friction.standard_errors[name])
@@ -71,6 +87,24 @@ def test_friction_that_builds_up_over_a_way_is_left_out(bend):
     for name, truth in (("coulomb_positive", COULOMB), ("viscous_positive", VISCOUS)):
         z = scores(name, truth, bend=bend, step=4e-6)
         assert abs(z.mean()) < 2.0 and np.abs(z).max() < 4.0  # 14 where nothing is left out
+
+
+def test_friction_that_builds_up_over_a_way_is_no_delay():
+    """A friction that lags by a distance looks like late torque."""
+    z = scores("time_slip", 0.0, bend=0.01, step=4e-6, colour=0.0)
+    assert abs(z.mean()) < 1.5 and np.abs(z).max() < 4.0  # -1.6 where build-up is looked for after the delay
+
+
+def test_rests_do_not_hide_that_friction_builds_up():
+    """The steps of an encoder let the velocity change its sign thousands of times in a rest, over hardly any distance."""
+    log = joint_log(0, step=4e-6, rest=4.0)
+    (s,), (moving,) = prepare(log, "j"), prepare(joint_log(0, step=4e-6), "j")
+    reversals = turns(s.velocity).size
+    assert reversals > 3 * turns(moving.velocity).size
+    assert way_since_reversal(s)[1] == pytest.approx(way_since_reversal(moving)[1], rel=0.3)
+    for name, truth in (("coulomb_positive", COULOMB), ("viscous_positive", VISCOUS)):
+        z = scores(name, truth, bend=0.01, step=4e-6, rest=4.0)
+        assert abs(z.mean()) < 2.0 and np.abs(z).max() < 4.0
 
 
 def test_the_way_since_a_reversal_is_that_of_the_motion():

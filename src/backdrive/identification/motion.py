@@ -41,7 +41,7 @@ from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
 from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
-from backdrive.identification.settling import drop_build_up
+from backdrive.identification.settling import build_up, settled
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
 from backdrive.identification.slip import Slip, fit, fix_slip, search_slip, with_slip
 from backdrive.identification.smoothing import noise as noise_of_encoder
@@ -149,31 +149,34 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     corner = smooth.cutoff or default_cutoff(rate)
     step = encoder_step(logs[0], joint)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
-    slip, simpler, coarse = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, None
+    slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, stretches
 
     look = windows_of(stretches, ENOUGH) or stretches
 
-    def simplest_at(slip: Slip) -> design.Candidate:
+    def at_rough(slip: Slip, some: Sequence[Signals] = look) -> tuple[design.Candidate, list[Signals]]:
+        raw = average(motion := shift(slip.delay, some))
         try:
-            return simplest(slip, average(shift(slip.delay, look)))[0]
-        except NotIdentifiable:  # they show too little motion
-            return simplest(slip, average(shift(slip.delay)))[0]
+            candidate = simplest(slip, raw)[0]
+        except NotIdentifiable:  # windows show too little motion
+            if some is stretches:
+                raise
+            return at_rough(slip, stretches)
+        return candidate, settled(
+            stretches, build_up(raw, motion, candidate.spread, slip.correlation, seconds)
+        )
 
     if delay is not None:
         slip = fix_slip(stretches, knots, full, seconds, delay)
-        simpler = None if few else simplest_at(slip)
+        slid = stretches if few else at_rough(slip)[1]
     elif not few:
-        slip, coarse, simpler = search_slip(stretches, look, knots, full, seconds, simplest_at)
+        slip, coarse, slid = search_slip(stretches, look, knots, full, seconds, at_rough)
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)
-    bins = average(motion := shift(slip.delay))
-    if simpler is not None:
-        bins = drop_build_up(bins, motion, simpler.spread, slip.correlation, seconds)
-    del motion  # long logs fill the memory
+    bins = average(shift(slip.delay, slid))
     choice, bins, slowest = choose(slip, bins)
     if slip.is_fitted(coarse):
-        later = average(shift(slip.delay + slip.error), choice.candidate.spread)
+        later = average(shift(slip.delay + slip.error, slid), choice.candidate.spread)
         now, then = fit(bins), fit(replace(later, used=bins.used).whiten(slip.correlation))
         del later
         change = (then - now) / slip.error if slip.error > 0.0 else np.zeros_like(now)
@@ -241,14 +244,14 @@ def _simplest(
     bins, (slowest, slow) = raw.whiten(correlation), speeds
     blocks = bins.equations()
     candidate, loss = design.simplest(blocks, options)
-    if candidate.form.knots[0] == 0.0 and slowest < slow:
+    if candidate.form.knots[0] == 0.0 and slow > 0.0:
         lines = [option for option in options if option.form.knots[0] == 0.0]
         del bins  # two of them at once fill the memory
         bins = raw.faster(slow).whiten(correlation)
         of_faster = bins.equations()
         try:
             candidate, loss = design.simplest(of_faster, lines)
-            blocks, slowest = of_faster, slow
+            blocks, slowest = of_faster, max(slowest, slow)
         except NotIdentifiable:  # there is hardly any faster motion, so all bins are used
             bins = raw.whiten(correlation)
     return candidate, loss, bins, blocks, slowest

@@ -1,7 +1,8 @@
 """The distance that a joint travels after a reversal before its friction is that of sliding.
 
 Elastic parts deflect first. Meanwhile, friction is smaller than at the same speed in sliding. If the torque just after reversals
-is significantly smaller than the fit predicts, samples within that distance are left out.
+is significantly smaller than the fit predicts, samples within that distance are left out, before the delay is estimated: friction
+that lags by a distance looks like late torque.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ SURE = 2.5  # least significance of a smaller torque after reversals [standard e
 FEWEST = 8  # least number of bins for the test
 
 
-def drop_build_up(
+def build_up(
     raw: Bins, stretches: Sequence[Signals], spread: np.ndarray, correlation: float, seconds: float
-) -> Bins:
-    """Return bins without those in which friction still builds up.
+) -> float:
+    """Return the distance after a reversal within which friction still builds up [rad or m]; 0 if it does not show.
 
     Args:
         raw: bins, not whitened.
@@ -36,14 +37,22 @@ def drop_build_up(
         seconds: of the bins [s].
     """
     way, sense, middle = _ways(stretches, seconds)
-    fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
-    for share in SHARES:
-        band = (way >= before) & (way < share * middle)
+    fitted, used, before, theta, within = raw.map_columns(spread), raw.used, 0.0, None, 0.0
+    for reach in (share * middle for share in SHARES):
+        band = (way >= before) & (way < reach)
         if np.count_nonzero(used & band) >= FEWEST:
             lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
-            used = raw.used & (way >= share * middle) if lags else used
-        before = share * middle
-    return replace(raw, used=used)
+            if lags:
+                used, within = raw.used & (way >= reach), reach
+        before = reach
+    return within
+
+
+def settled(stretches: Sequence[Signals], distance: float) -> list[Signals]:
+    """Return stretches in which samples within a distance after a reversal [rad or m] do not count as sliding."""
+    if not distance > 0.0:
+        return list(stretches)
+    return [replace(s, sliding=s.sliding & (way_since_reversal(s)[0] >= distance)) for s in stretches]
 
 
 def _lags(

@@ -239,10 +239,7 @@ def _sliding(
     speed = np.abs(velocity)
     bounds, way, of_move = _ways(velocity)
     length = np.diff(bounds)
-    whole = np.repeat(of_move, length)
-    usual = np.sum(whole * speed) / max(
-        float(speed.sum()), 1e-300
-    )  # mean distance of a move, weighted by distance
+    whole, usual = np.repeat(of_move, length), _usual(of_move)
     begun = (way > BEGUN * whole) & (whole > SLIGHT * usual)
     steady = (speed >= SLOW * top) | ((np.abs(acceleration) * SUSTAINED < speed) & begun)
     lasting = max(float(np.clip(1.0 / cutoff, *REVERSAL)), BLURRED / cutoff)
@@ -286,13 +283,21 @@ def way_since_reversal(s: Signals) -> tuple[np.ndarray, float]:
 def since_reversal(velocity: np.ndarray, rate: float) -> tuple[np.ndarray, float]:
     """Return the distance since the last reversal, (n,), and the median distance between two reversals [rad or m].
 
+    Noise of the encoder makes thousands of reversals in a rest, so moves of hardly any distance do not count in the median.
+
     Args:
         velocity: [rad/s or m/s], (n,).
         rate: sampling frequency [Hz].
     """
     _, way, of_move = _ways(velocity)
     way /= rate
-    return way, float(np.median(of_move)) / rate
+    moved = of_move[of_move >= SLIGHT * _usual(of_move)]
+    return way, float(np.median(moved)) / rate
+
+
+def _usual(of_move: np.ndarray) -> float:
+    """Return the mean distance of a move, weighted by distance, in the unit of the moves, (k,)."""
+    return float(np.sum(of_move**2)) / max(float(of_move.sum()), 1e-300)
 
 
 def surely_sliding(s: Signals, top: float) -> np.ndarray:

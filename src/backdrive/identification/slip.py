@@ -107,9 +107,9 @@ def search_slip(
     knots: np.ndarray,
     full: design.Candidate,
     seconds: float,
-    choose: Callable[[Slip], design.Candidate],
-) -> tuple[Slip, float | None, design.Candidate]:
-    """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the candidate chosen with the delay.
+    choose: Callable[[Slip], tuple[design.Candidate, list[Signals]]],
+) -> tuple[Slip, float | None, list[Signals]]:
+    """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it.
 
     Args:
         stretches: of one joint.
@@ -117,7 +117,8 @@ def search_slip(
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia, without jerk.
         seconds: of the bins [s].
-        choose: gives the candidate for a rough delay.
+        choose: gives the candidate for a rough delay, and the stretches with those samples as sliding in which friction has
+            built up.
     """
     coarse, widest = None, full.with_term("jerk")
     slip = seek_slip(look, knots, widest, seconds, rough=True)
@@ -125,10 +126,10 @@ def search_slip(
         slip = seek_slip(stretches, knots, widest, seconds, rough=True)
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
         slip = seek_slip(stretches, knots, widest, seconds, coarse, rough=True)
-    candidate = choose(slip)
+    candidate, stretches = choose(slip)
     near = math.isfinite(slip.error)
     slip = seek_slip(stretches, knots, candidate.with_term("jerk"), seconds, slip.delay, near=near)
-    return slip, coarse, candidate
+    return slip, coarse, stretches
 
 
 def fix_slip(
