@@ -8,6 +8,7 @@ import pytest
 from backdrive import identify
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, delay, design, dynamics, motion_bins, noise, regression
+from backdrive.identification.delay_bins import DelayStretch
 from backdrive.identification.evidence import verdict
 from backdrive.identification.motion import as_friction, identify_motion, with_warnings
 from backdrive.identification.motion_bins import bin_means
@@ -72,8 +73,9 @@ def fitted_line(logs):
     full = design.candidates(knots, {"": knots[list(shapes["5 sections"])]}, **given)[-1].with_term("jerk")
     seconds = 0.035  # 0.7 periods of the low pass at 20 Hz
     (option,) = design.candidates(knots, {"line": knots[[0, -1]]}, symmetric=True, **given)
-    slip = seek_slip(stretches, knots, full, seconds)
-    slip = seek_slip(stretches, knots, option.with_term("jerk"), seconds, slip.delay)
+    along = [DelayStretch(s, seconds) for s in stretches]
+    slip = seek_slip(along, knots, full)
+    slip = seek_slip(along, knots, option.with_term("jerk"), slip.delay)
     every = np.concatenate([s.velocity[s.moving] for s in stretches])
     low = SLOW * min(every.max(), -every.min())
 

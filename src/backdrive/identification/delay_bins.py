@@ -7,6 +7,7 @@ weights, and sine and cosine of a position are interpolated like the position. O
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
@@ -24,20 +25,19 @@ from backdrive.identification.motion_bins import (
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
 
+CORNER, OF_JERK = 100.0, 40.0  # cutoff frequencies of acceleration and jerk, against encoder errors [Hz]
 MARGIN = 0.2  # longest delay that needs no new arrays [s]
 
 
 class DelayStretch:
-    """One stretch after low passes.
+    """One stretch, of which all that does not depend on the delay is computed once.
 
     Args:
         s: motion and torque.
         seconds: of the bins [s].
-        corner: cutoff frequency for all motion but the jerk [Hz].
-        of_jerk: cutoff frequency for the jerk [Hz].
     """
 
-    def __init__(self, s: Signals, seconds: float, corner: float, of_jerk: float):
+    def __init__(self, s: Signals, seconds: float):
         self.width, self.count = bin_size(s, seconds)
         self.rate, self.samples = s.rate, s.time.size
         self.duration, self.moves = s.time.size / s.rate, moves_of(s)
@@ -49,15 +49,20 @@ class DelayStretch:
         self._margin = round(MARGIN * s.rate) + 3
         self._longer = np.zeros((4, s.time.size + 2 * self._margin))
         series = self._longer[:, self._margin : self._margin + s.time.size]
-        self._velocity = filters.low_pass(s.velocity, corner, s.rate)  # one after the other: they are long
-        filters.low_pass_rows([s.acceleration], corner, s.rate, out=series[:1])
-        filters.low_pass_rows([s.jerk], of_jerk, s.rate, out=series[1:2])
+        self._velocity = s.velocity
+        filters.low_pass_rows([s.acceleration], CORNER, s.rate, out=series[:1])
+        filters.low_pass_rows([s.jerk], OF_JERK, s.rate, out=series[1:2])
         np.negative(series[1], out=series[1])
         if s.position is not None:
-            filters.low_pass_rows([s.position], corner, s.rate, out=series[2:3])
-            np.cos(series[2], out=series[3])
-            np.sin(series[2], out=series[2])
+            np.cos(s.position, out=series[3])
+            np.sin(s.position, out=series[2])
         self._hold_ends()
+
+    def with_sliding(self, sliding: np.ndarray) -> DelayStretch:
+        """Return the same stretch with other samples that slide, (n,)."""
+        made = copy(self)
+        made._sliding = sliding
+        return made
 
     def _hold_ends(self) -> None:
         """Extend the series by their first and last values."""

@@ -19,6 +19,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise
 from backdrive.identification.block_prediction import predict_blocks
 from backdrive.identification.delay import delay_signals
+from backdrive.identification.delay_bins import DelayStretch
 from backdrive.identification.evidence import (
     constant_beside,
     evidence,
@@ -153,23 +154,26 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     look = windows_of(stretches, ENOUGH) or stretches
 
-    def at_rough(slip: Slip, some: Sequence[Signals] = look) -> tuple[design.Candidate, list[Signals]]:
+    def ready(some: Sequence[Signals]) -> list[DelayStretch]:
+        return [DelayStretch(s, seconds) for s in some]
+
+    def rough(slip: Slip, some: Sequence[Signals]) -> tuple[design.Candidate, float]:
         raw = average(motion := shift(slip.delay, some))
+        candidate = simplest(slip, raw)[0]
+        return candidate, build_up(raw, motion, candidate.spread, slip.correlation, seconds)
+
+    def at_rough(slip: Slip) -> tuple[design.Candidate, list[Signals]]:
         try:
-            candidate = simplest(slip, raw)[0]
+            candidate, distance = rough(slip, look)
         except NotIdentifiable:  # windows show too little motion
-            if some is stretches:
-                raise
-            return at_rough(slip, stretches)
-        return candidate, settled(
-            stretches, build_up(raw, motion, candidate.spread, slip.correlation, seconds)
-        )
+            candidate, distance = rough(slip, stretches)
+        return candidate, settled(stretches, distance)
 
     if delay is not None:
-        slip = fix_slip(stretches, knots, full, seconds, delay)
+        slip = fix_slip(ready(stretches), knots, full, delay)
         slid = stretches if few else at_rough(slip)[1]
     elif not few:
-        slip, coarse, slid = search_slip(stretches, look, knots, full, seconds, at_rough)
+        slip, coarse, slid = search_slip(stretches, look, knots, full, ready, at_rough)
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)

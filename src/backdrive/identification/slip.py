@@ -36,8 +36,7 @@ SURE = 5.0  # least excess over one sampling interval of a poorly known delay th
 OPPOSITE, SLIGHT = -0.48, -0.1
 FELT = 3.0  # least significance of the inertia [standard error]
 SHOWN = 0.05  # least response of the jerk to a delay that determines the delay [-]
-# cutoff frequencies of motion and of jerk, against encoder errors: at first, and near the delay [Hz]
-CORNERS, OF_JERK = (50.0, 100.0), (30.0, 40.0)
+Prepare = Callable[[Sequence[Signals]], list[DelayStretch]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +105,7 @@ def search_slip(
     look: Sequence[Signals],
     knots: np.ndarray,
     full: design.Candidate,
-    seconds: float,
+    ready: Prepare,
     choose: Callable[[Slip], tuple[design.Candidate, list[Signals]]],
 ) -> tuple[Slip, float | None, list[Signals]]:
     """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it.
@@ -116,24 +115,29 @@ def search_slip(
         look: windows of them for a rough delay, or all.
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia, without jerk.
-        seconds: of the bins [s].
+        ready: prepares stretches for many delays.
         choose: gives the candidate for a rough delay, and the stretches with those samples as sliding in which friction has
             built up.
     """
     coarse, widest = None, full.with_term("jerk")
-    slip = seek_slip(look, knots, widest, seconds, rough=True)
-    if not slip.is_known and look is not stretches:
-        slip = seek_slip(stretches, knots, widest, seconds, rough=True)
+    some, whole = ready(look), look is stretches
+    slip = seek_slip(some, knots, widest, rough=True)
+    if not (whole or slip.is_known):
+        some, whole = ready(stretches), True
+        slip = seek_slip(some, knots, widest, rough=True)
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
-        slip = seek_slip(stretches, knots, widest, seconds, coarse, rough=True)
+        some, whole = some if whole else ready(stretches), True
+        slip = seek_slip(some, knots, widest, coarse, rough=True)
     candidate, stretches = choose(slip)
-    near = math.isfinite(slip.error)
-    slip = seek_slip(stretches, knots, candidate.with_term("jerk"), seconds, slip.delay, near=near)
-    return slip, coarse, stretches
+    if whole:
+        some = [each.with_sliding(s.sliding) for each, s in zip(some, stretches, strict=True)]
+    else:  # after the windows' bins are gone: long logs fill the memory
+        some = ready(stretches)
+    return seek_slip(some, knots, candidate.with_term("jerk"), slip.delay), coarse, stretches
 
 
 def fix_slip(
-    stretches: Sequence[Signals], knots: np.ndarray, full: design.Candidate, seconds: float, delay: float
+    stretches: Sequence[DelayStretch], knots: np.ndarray, full: design.Candidate, delay: float
 ) -> Slip:
     """Return a delay that the user knows, without an error, and the correlation of the noise about a fit with it.
 
@@ -141,23 +145,18 @@ def fix_slip(
         stretches: of one joint.
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia, without jerk.
-        seconds: of the bins [s].
         delay: of the torque behind the motion [s].
     """
-    bins = bins_at_delay(
-        [DelayStretch(s, seconds, CORNERS[1], OF_JERK[1]) for s in stretches], delay, knots, full
-    )
+    bins = bins_at_delay(stretches, delay, knots, full)
     correlation = correlation_of(bins.y - bins.X @ fit(bins), bins.used)
     return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, correlation=correlation)
 
 
 def seek_slip(
-    stretches: Sequence[Signals],
+    stretches: Sequence[DelayStretch],
     knots: np.ndarray,
     full: design.Candidate,
-    seconds: float,
     start: float = 0.0,
-    near: bool = False,
     rough: bool = False,
 ) -> Slip:
     """Return the delay of the torque.
@@ -166,19 +165,16 @@ def seek_slip(
         stretches: of one joint.
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia and jerk for the fits.
-        seconds: of the bins [s].
         start: initial delay of the search [s].
-        near: whether `start` is close to the delay, so that higher frequencies determine it better.
         rough: compute a rough standard error, which is sufficient to know whether it is finite.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    slow = [DelayStretch(s, seconds, CORNERS[near], OF_JERK[near]) for s in stretches]
     delay, share, correlation = start, 1.0, 0.0
     tried: list[tuple[float, float]] = []
     while True:
-        bins = bins_at_delay(slow, delay, knots, full)
+        bins = bins_at_delay(stretches, delay, knots, full)
         if not tried:  # gives the correlation of the noise; without any, the fit need not be repeated
             theta = fit(bins)
             correlation = correlation_of(bins.y - bins.X @ theta, bins.used)
@@ -192,7 +188,6 @@ def seek_slip(
         if done or len(tried) == ROUNDS:
             break
         del bins  # long logs fill the memory
-    del slow
     covariance = noise.covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):
