@@ -74,8 +74,9 @@ def fitted_line(logs):
     seconds = 0.035  # 0.7 periods of the low pass at 20 Hz
     (option,) = design.candidates(knots, {"line": knots[[0, -1]]}, symmetric=True, **given)
     along = [DelayStretch(s, seconds) for s in stretches]
-    slip = seek_slip(along, knots, full)
-    slip = seek_slip(along, knots, option.with_term("jerk"), slip.delay)
+    rough = seek_slip(along, knots, full, rough=True)
+    known = rough.correlation if abs(rough.delay) <= rough.period else None
+    slip = seek_slip(along, knots, option.with_term("jerk"), rough.delay, known)
     every = np.concatenate([s.velocity[s.moving] for s in stretches])
     low = SLOW * min(every.max(), -every.min())
 
@@ -103,7 +104,10 @@ def test_every_number_of_a_motion_is_that_of_its_fit():
     value, error = choice.coefficients, np.sqrt(np.diag(covariance))
     for i, term in ((0, "inertia"), (1, "offset")):
         e = found.dynamics[term]
-        assert (e.value, e.standard_error) == (pytest.approx(value[i]), pytest.approx(error[i])), term
+        # the part of the delay is that of linear equations, here that of fits to two delays
+        assert (e.value, e.standard_error) == (pytest.approx(value[i]), pytest.approx(error[i], rel=1e-2)), (
+            term
+        )
     late = found.dynamics["time_slip"]
     # a robust fit ends once it is settled to a thousandth of a standard error
     assert late.value == pytest.approx(slip.delay, abs=1e-3 * slip.error)
@@ -114,7 +118,7 @@ def test_every_number_of_a_motion_is_that_of_its_fit():
     law = found.law.rate.values()
     assert law["coulomb_positive"] == pytest.approx(value[2]) == pytest.approx(5.0, abs=0.3)
     assert law["viscous_positive"] == pytest.approx(2.0, abs=0.3)
-    assert found.standard_errors["coulomb_negative"] == pytest.approx(error[2])
+    assert found.standard_errors["coulomb_negative"] == pytest.approx(error[2], rel=1e-2)
     off = [s.torque - dynamics.predict(found, s) for s in stretches]
 
     def rms(x):

@@ -19,7 +19,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise
 from backdrive.identification.block_prediction import predict_blocks
 from backdrive.identification.delay import delay_signals
-from backdrive.identification.delay_bins import DelayStretch
+from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.evidence import (
     constant_beside,
     evidence,
@@ -44,13 +44,14 @@ from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import build_up, settled
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
-from backdrive.identification.slip import Slip, fit, fix_slip, search_slip, with_slip
+from backdrive.identification.slip import FEW, Slip, fix_slip, response, search_slip, with_slip
 from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.identification.user_delay import describe
 from backdrive.identification.windows import windows_of
 from backdrive.logs.log import Joint, Log
+from backdrive.logs.quantiles import quantile
 from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
@@ -58,6 +59,7 @@ from backdrive.model.covariance import errors_by_parameter
 SHORT, FEW_TURNS = 4.0, 4  # least duration of motion [s] and least number of reversals without a remark
 LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
 LEAST_MOVES = 6  # least number of moves for standard errors
+ROUGH = ("line", "5 sections")  # curves of the candidate with which the delay is fitted
 ENOUGH = 300_000  # largest number of samples for a rough delay and for the candidate with which the delay is fitted
 SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
 NAMED = 0.05  # least constant beside the friction that is mentioned, relative to it [-]
@@ -98,7 +100,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         raise NotIdentifiable(
             f"Joint '{joint}' does not move in these logs.", remedy="Name a joint that moves."
         )
-    top = np.quantile(np.abs(speeds), 99.9 / 100.0)
+    top = quantile(np.abs(speeds), 99.9 / 100.0)
     knots = top * np.array(curves.SHARES)
     slowest = slowest_sliding(stretches, knots)
     positions = [s.position for s in stretches if s.position is not None]
@@ -153,25 +155,33 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, stretches
 
     look = windows_of(stretches, ENOUGH) or stretches
+    few_options = [o for o in options if o.form.name in ROUGH] or options
 
     def ready(some: Sequence[Signals]) -> list[DelayStretch]:
         return [DelayStretch(s, seconds) for s in some]
 
-    def rough(slip: Slip, some: Sequence[Signals]) -> tuple[design.Candidate, float]:
-        raw = average(motion := shift(slip.delay, some))
-        candidate = simplest(slip, raw)[0]
-        return candidate, build_up(raw, motion, candidate.spread, slip.correlation, seconds)
+    def rough(
+        slip: Slip, along: list[DelayStretch], some: Sequence[Signals]
+    ) -> tuple[design.Candidate, float]:
+        raw = bins_at_delay(along, slip.delay, knots)
+        candidate = design.simplest(raw.whiten(slip.correlation).equations(rounds=FEW), few_options)[0]
+        return candidate, build_up(raw, some, slip.delay, candidate.spread, slip.correlation, seconds)
 
-    def at_rough(slip: Slip) -> tuple[design.Candidate, list[Signals]]:
+    def at_rough(
+        slip: Slip, along: list[DelayStretch], whole: bool
+    ) -> tuple[design.Candidate, list[Signals]]:
         try:
-            candidate, distance = rough(slip, look)
+            candidate, distance = rough(slip, along, stretches if whole else look)
         except NotIdentifiable:  # windows show too little motion
-            candidate, distance = rough(slip, stretches)
+            if whole:
+                raise
+            candidate, distance = rough(slip, ready(stretches), stretches)
         return candidate, settled(stretches, distance)
 
     if delay is not None:
-        slip = fix_slip(ready(stretches), knots, full, delay)
-        slid = stretches if few else at_rough(slip)[1]
+        slip = fix_slip(along := ready(stretches), knots, full, delay)
+        slid = stretches if few else at_rough(slip, along, True)[1]
+        del along  # long logs fill the memory
     elif not few:
         slip, coarse, slid = search_slip(stretches, look, knots, full, ready, at_rough)
     if not slip.is_known:
@@ -181,10 +191,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     choice, bins, slowest = choose(slip, bins)
     if slip.is_fitted(coarse):
         later = average(shift(slip.delay + slip.error, slid), choice.candidate.spread)
-        now, then = fit(bins), fit(replace(later, used=bins.used).whiten(slip.correlation))
+        later = replace(later, used=bins.used).whiten(slip.correlation)
+        choice = with_slip(choice, response(bins, later, choice.coefficients), slip)
         del later
-        change = (then - now) / slip.error if slip.error > 0.0 else np.zeros_like(now)
-        choice = with_slip(choice, change, slip)
     choice = design.offset_apart(choice)
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))

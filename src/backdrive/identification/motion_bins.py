@@ -87,9 +87,14 @@ class Bins:
         X[~self.used], y[~self.used] = self.X[~self.used], self.y[~self.used]
         return replace(self, X=X, y=y)
 
-    def equations(self) -> regression.Blocks:
-        """Return the robustly weighted normal equations of all columns, by block of neighbouring samples."""
-        w = regression.robust_weights(self.X, self.y, self.used.astype(float))
+    def equations(self, start: np.ndarray | None = None, rounds: int = regression.MANY) -> regression.Blocks:
+        """Return the robustly weighted normal equations of all columns, by block of neighbouring samples.
+
+        Args:
+            start: coefficients of a similar fit, which save repetitions, (p,).
+            rounds: largest number of repetitions.
+        """
+        w = regression.robust_weights(self.X, self.y, self.used.astype(float), rounds, start)
         block = regression.block_index(len(self.y), self.blocks)
         return regression.accumulate(self.X, self.y, w, block, self.blocks)
 

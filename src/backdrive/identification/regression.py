@@ -67,6 +67,7 @@ class Blocks:
         return replace(self, gram=gram)
 
 
+MANY = 8  # largest number of repetitions of a robust fit
 PIECE = 4096  # number of rows that are multiplied together
 RIDGE = 1e-13  # ridge weight in scaled normal equations, which keeps undetermined directions small [-]
 
@@ -139,13 +140,15 @@ def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray
     return np.minimum(1.0, width / np.maximum(np.abs(residual), 1e-300))
 
 
-def robust_weights(X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8) -> np.ndarray:
-    """Return `w` times Huber's weights, by iteratively reweighted least squares."""
-    return _reweigh(X, y, w, rounds)[0]
+def robust_weights(
+    X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = MANY, start: np.ndarray | None = None
+) -> np.ndarray:
+    """Return `w` times Huber's weights, by iteratively reweighted least squares, (n,); arguments as of `robust_solution`."""
+    return _reweigh(X, y, w, rounds, start)[0]
 
 
 def robust_solution(
-    X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = 8, start: np.ndarray | None = None
+    X: np.ndarray, y: np.ndarray, w: np.ndarray, rounds: int = MANY, start: np.ndarray | None = None
 ) -> np.ndarray:
     """Return the coefficients fitted with Huber's loss, (p,).
 

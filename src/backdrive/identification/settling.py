@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.identification import noise
+from backdrive.identification.delay import earlier
 from backdrive.identification.motion_bins import Bins, bin_size
-from backdrive.identification.signals import Signals, way_since_reversal
+from backdrive.identification.signals import Signals, since_reversal, way_since_reversal
 from backdrive.identification.slip import fit
 from backdrive.logs import filters
 
@@ -22,28 +23,39 @@ from backdrive.logs import filters
 SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
+QUIET = 2  # tests in a row without a smaller torque, after which longer distances are not tested
 
 
 def build_up(
-    raw: Bins, stretches: Sequence[Signals], spread: np.ndarray, correlation: float, seconds: float
+    raw: Bins,
+    stretches: Sequence[Signals],
+    delay: float,
+    spread: np.ndarray,
+    correlation: float,
+    seconds: float,
 ) -> float:
     """Return the distance after a reversal within which friction still builds up [rad or m]; 0 if it does not show.
 
     Args:
         raw: bins, not whitened.
         stretches: of one joint, from which the bins were computed.
+        delay: of the torque behind the motion, with which the bins were computed [s].
         spread: matrix of the fitted candidate, (p, r).
         correlation: of the noise of neighbouring bins [-].
         seconds: of the bins [s].
     """
-    way, sense, middle = _ways(stretches, seconds)
-    fitted, used, before, theta, within = raw.map_columns(spread), raw.used, 0.0, None, 0.0
+    way, sense, middle = _ways(stretches, delay, seconds)
+    fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
+    within, quiet = 0.0, 0
     for reach in (share * middle for share in SHARES):
         band = (way >= before) & (way < reach)
         if np.count_nonzero(used & band) >= FEWEST:
             lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
+            quiet += 1
             if lags:
-                used, within = raw.used & (way >= reach), reach
+                used, within, quiet = raw.used & (way >= reach), reach, 0
+            if quiet == QUIET:
+                break
         before = reach
     return within
 
@@ -77,13 +89,14 @@ def _lags(
     return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1])), theta
 
 
-def _ways(stretches: Sequence[Signals], seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
+def _ways(stretches: Sequence[Signals], delay: float, seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Return distance since the last reversal and direction of each bin, (n,), and the median distance between reversals."""
     ways, senses, middles = [], [], []
     for s in stretches:
         width, count = bin_size(s, seconds)
-        way, middle = way_since_reversal(s)
+        velocity = earlier(s.velocity, delay * s.rate)
+        way, middle = since_reversal(velocity, s.rate)
         ways.append(way[: count * width].reshape(count, width).min(axis=1))
-        senses.append(filters.means(np.sign(s.velocity), width))
+        senses.append(filters.means(np.sign(velocity), width))
         middles.append(middle)
     return np.concatenate(ways), np.concatenate(senses), float(np.median(middles))

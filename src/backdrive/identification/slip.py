@@ -21,6 +21,7 @@ from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
 from backdrive.identification.whitening import neighbours
 
+FEW = 3  # largest number of repetitions of a robust fit for a rough delay
 ROUNDS = 10  # largest number of fits, each with another delay
 STEP = 0.01  # longest change of the delay from one fit to the next [s]
 LONG = 0.015  # shortest delay that is also estimated by shifting the torque [s]
@@ -29,6 +30,9 @@ NEAR = 0.3, 0.01  # largest difference of two agreeing estimates of a delay, rel
 # least distance of two delays that yields the response of the jerk [s] and [sampling interval]: closer ones differ by noise
 LEVER, LEVER_SAMPLES = 0.002, 2.0
 SHARES = 0.3, 1.5  # limits of the response of the jerk during the search [-]
+BEYOND = (
+    ROUNDS * STEP * SHARES[1]
+)  # a remaining delay that no search reaches: there is hardly any inertia [s]
 KNOWN = 2.0  # largest standard error of a known delay [sampling interval]
 MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
 SURE = 5.0  # least excess over one sampling interval of a poorly known delay that is used [standard error]
@@ -106,7 +110,7 @@ def search_slip(
     knots: np.ndarray,
     full: design.Candidate,
     ready: Prepare,
-    choose: Callable[[Slip], tuple[design.Candidate, list[Signals]]],
+    choose: Callable[[Slip, list[DelayStretch], bool], tuple[design.Candidate, list[Signals]]],
 ) -> tuple[Slip, float | None, list[Signals]]:
     """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it.
 
@@ -116,8 +120,8 @@ def search_slip(
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia, without jerk.
         ready: prepares stretches for many delays.
-        choose: gives the candidate for a rough delay, and the stretches with those samples as sliding in which friction has
-            built up.
+        choose: gives the candidate for a rough delay and the stretches with those samples as sliding in which friction has
+            built up, from prepared stretches, which are all or those of `look`.
     """
     coarse, widest = None, full.with_term("jerk")
     some, whole = ready(look), look is stretches
@@ -128,12 +132,13 @@ def search_slip(
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
         some, whole = some if whole else ready(stretches), True
         slip = seek_slip(some, knots, widest, coarse, rough=True)
-    candidate, stretches = choose(slip)
+    candidate, stretches = choose(slip, some, whole)
     if whole:
         some = [each.with_sliding(s.sliding) for each, s in zip(some, stretches, strict=True)]
     else:  # after the windows' bins are gone: long logs fill the memory
         some = ready(stretches)
-    return seek_slip(some, knots, candidate.with_term("jerk"), slip.delay), coarse, stretches
+    known = slip.correlation if abs(slip.delay) <= slip.period else None  # it was found without a delay
+    return seek_slip(some, knots, candidate.with_term("jerk"), slip.delay, known), coarse, stretches
 
 
 def fix_slip(
@@ -157,6 +162,8 @@ def seek_slip(
     knots: np.ndarray,
     full: design.Candidate,
     start: float = 0.0,
+    known: float | None = None,
+    *,
     rough: bool = False,
 ) -> Slip:
     """Return the delay of the torque.
@@ -166,24 +173,28 @@ def seek_slip(
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia and jerk for the fits.
         start: initial delay of the search [s].
+        known: correlation of the noise of neighbouring bins [-]; None: that about the first fit.
         rough: compute a rough standard error, which is sufficient to know whether it is finite.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    delay, share, correlation = start, 1.0, 0.0
+    delay, share, correlation, theta = start, 1.0, known or 0.0, None
+    rounds = FEW if rough else regression.MANY
     tried: list[tuple[float, float]] = []
     while True:
         bins = bins_at_delay(stretches, delay, knots, full)
-        if not tried:  # gives the correlation of the noise; without any, the fit need not be repeated
-            theta = fit(bins)
+        if known is None and not tried:  # without a correlation, the fit need not be repeated
+            theta = fit(bins, rounds=rounds)
             correlation = correlation_of(bins.y - bins.X @ theta, bins.used)
-        if tried or correlation != 0.0:
+        if theta is None or tried or correlation != 0.0:
             bins = bins.whiten(correlation)
-            theta = fit(bins, theta)
+            theta = fit(bins, theta, rounds)
         if not theta[inertia] > 0.0:
             return replace(open_, correlation=correlation)
         tried.append((delay, float(theta[jerk] / theta[inertia])))
+        if abs(tried[-1][1]) > BEYOND:
+            return replace(open_, correlation=correlation)
         delay, share, done = _next(tried, min(max(LEVER, LEVER_SAMPLES * period), STEP))
         if done or len(tried) == ROUNDS:
             break
@@ -194,7 +205,7 @@ def seek_slip(
         return replace(open_, correlation=correlation)
     variance = float(covariance[jerk, jerk])
     if not rough:
-        variance = max(variance, float(regression.sandwich(bins.equations(), theta)[jerk, jerk]))
+        variance = max(variance, float(regression.sandwich(bins.equations(theta), theta)[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
 
@@ -232,34 +243,51 @@ def _beyond(delay: float, left: float, least: float) -> float:
     return delay + math.copysign(min(max(abs(left), least), STEP), left)
 
 
+def response(bins: Bins, later: Bins, coefficients: np.ndarray) -> np.ndarray:
+    """Return by how much a fit changes if the motion is delayed further, with Huber's weights held, (r,).
+
+    Args:
+        bins: with the candidate's columns, which were fitted.
+        later: the same bins along a motion that is delayed further.
+        coefficients: of the fit, (r,).
+    """
+    w = bins.used * regression.huber_weights(
+        residual := bins.y - bins.X @ coefficients,
+        regression.HUBER * regression.robust_spread(residual[bins.used]),
+    )
+    weighted = bins.X * w[:, None]
+    return regression.solve(weighted.T @ bins.X, weighted.T @ ((bins.X - later.X) @ coefficients))
+
+
 def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.Choice:
     """Return a choice with the delay of its motion as one of its terms, and with the delay's error added to all others.
 
     Args:
         choice: without a delay.
-        change: derivative of the coefficients with respect to the delay, (r,).
+        change: of the coefficients for one standard error of the delay, (r,).
         slip: the delay.
     """
     candidate, k = choice.candidate, len(choice.candidate.terms)
-    both = np.insert(change, k, choice.coefficients[candidate.terms.index("inertia")])
+    both = np.insert(change, k, slip.error * choice.coefficients[candidate.terms.index("inertia")])
     alone = np.insert(np.insert(choice.covariance, k, 0.0, axis=0), k, 0.0, axis=1)
     return replace(
         choice,
         candidate=candidate.with_term("jerk"),
         coefficients=np.insert(choice.coefficients, k, 0.0),
-        covariance=alone + slip.error**2 * np.outer(both, both),
+        covariance=alone + np.outer(both, both),
         left_out=np.insert(choice.left_out, k, 0.0, axis=1),
     )
 
 
-def fit(bins: Bins, start: np.ndarray | None = None) -> np.ndarray:
+def fit(bins: Bins, start: np.ndarray | None = None, rounds: int = regression.MANY) -> np.ndarray:
     """Return the coefficients of all columns, fitted with Huber's loss, (p,).
 
     Args:
         bins: to fit.
         start: coefficients of a similar fit, (p,).
+        rounds: largest number of repetitions.
     """
-    return regression.robust_solution(bins.X, bins.y, bins.used.astype(float), start=start)
+    return regression.robust_solution(bins.X, bins.y, bins.used.astype(float), rounds, start)
 
 
 def correlation_of(residual: np.ndarray, used: np.ndarray) -> float:

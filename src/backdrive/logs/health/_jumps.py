@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.logs.health._exam import Exam, once
+from backdrive.logs.quantiles import quantile
 
 #: A jump is this many times longer than nearly all other steps, and than its neighbours.
 _FAR, _FAR_LOCAL = 3.0, 8.0
@@ -39,7 +40,7 @@ def jumps(exam: Exam, channel: str, j: int) -> Jumps | None:
     largest = exam.survey(channel).step[j]
     steps = exam.changes(channel, j)
     # a fast joint in a slow log wraps so often that its longest steps are the wraps
-    brisk, usual = np.quantile(steps, (0.9, 0.995))
+    brisk, usual = (quantile(steps, share) for share in (0.9, 0.995))
     usual = min(usual, 4 * brisk) if brisk > 0 else usual
     resolution = exam.quantum(channel, j)
     far = max(_FAR * usual, 6 * resolution)

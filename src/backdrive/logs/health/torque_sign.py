@@ -11,6 +11,7 @@ from backdrive.logs.health._exam import Exam, once
 from backdrive.logs.health._finding import Changes, Finding, Repair, check, columns_of, with_columns
 from backdrive.logs.health._motion import jackknife, motion, normal_equations, solvable
 from backdrive.logs.health.time_slip import REACH
+from backdrive.logs.quantiles import quantile
 
 #: The friction must be this many of its standard errors below zero, and this share of the torque's scatter.
 SURE, SHARE = 4.0, 0.05
@@ -75,7 +76,7 @@ def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     m = motion(exam, j, REACH)
     if m is None:
         return None
-    moving = np.abs(m.velocity) > _MOVING * np.quantile(np.abs(m.velocity), 0.99)
+    moving = np.abs(m.velocity) > _MOVING * quantile(np.abs(m.velocity), 0.99)
     if moving.sum() < 60 or not _BOTH < np.mean(m.velocity[moving] > 0) < 1 - _BOTH:
         return None
     x = m.terms[moving, : m.plain]
