@@ -39,7 +39,7 @@ def stretch(**changes) -> Signals:
 
 
 def smooth(s: Signals) -> Signals:
-    return replace(s, acceleration=low_pass(s.acceleration, 100.0, RATE), jerk=low_pass(s.jerk, 40.0, RATE))
+    return replace(s, jerk=low_pass(s.jerk, 40.0, RATE))
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.0007, -0.0013, 0.004, 0.033, -0.31, 0.4])

@@ -25,7 +25,7 @@ from backdrive.identification.motion_bins import (
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
 
-CORNER, OF_JERK = 100.0, 40.0  # cutoff frequencies of acceleration and jerk, against encoder errors [Hz]
+OF_JERK = 40.0  # cutoff frequency of the jerk, against encoder errors [Hz]
 MARGIN = 0.2  # longest delay that needs no new arrays [s]
 
 
@@ -50,7 +50,7 @@ class DelayStretch:
         self._longer = np.zeros((4, s.time.size + 2 * self._margin))
         series = self._longer[:, self._margin : self._margin + s.time.size]
         self._velocity = s.velocity
-        filters.low_pass_rows([s.acceleration], CORNER, s.rate, out=series[:1])
+        series[0] = s.acceleration
         filters.low_pass_rows([s.jerk], OF_JERK, s.rate, out=series[1:2])
         np.negative(series[1], out=series[1])
         if s.position is not None:

@@ -195,9 +195,8 @@ def spectrum_of(x: np.ndarray, pad: int, n: int) -> np.ndarray:
     """
     m, first, last = x.shape[-1], x[..., :1], x[..., -1:]
     circle = np.empty((*x.shape[:-1], n))
-    circle[..., :pad] = 2 * first - x[..., pad:0:-1]
-    circle[..., pad : pad + m] = x
-    circle[..., pad + m : 2 * pad + m] = 2 * last - x[..., -2 : -pad - 2 : -1]
+    for row, into in zip(x.reshape(-1, m), circle.reshape(-1, n), strict=True):
+        _reflect(row, -pad, into[: m + 2 * pad])
     rest = n - m - 2 * pad  # a line back to the beginning
     begin, end = circle[..., 2 * pad + m - 1 : 2 * pad + m], circle[..., :1]
     circle[..., 2 * pad + m :] = np.arange(1, rest + 1) * ((end - begin) / (rest + 1)) + begin

@@ -1,4 +1,4 @@
-"""Median and quantiles of long series, as of `numpy.median` and `numpy.quantile`, in a seventh of the time.
+"""Median and quantiles of long series, as of `numpy.median` and `numpy.quantile`, sooner.
 
 A sorted sample of the series bounds the value sought, so that only the few values between these bounds are sorted (Floyd & Rivest,
 Communications of the ACM 18, 1975). The result is exact. NumPy sorts partially at several ranks, for NaN among others.
