@@ -35,9 +35,10 @@ class DelayStretch:
     Args:
         s: motion and torque.
         seconds: of the bins [s].
+        jerk: without encoder errors [rad/s^3 or m/s^3], (n,); None: that of the motion after a low pass.
     """
 
-    def __init__(self, s: Signals, seconds: float):
+    def __init__(self, s: Signals, seconds: float, jerk: np.ndarray | None = None):
         self.width, self.count = bin_size(s, seconds)
         self.rate, self.samples = s.rate, s.time.size
         self.duration, self.moves = s.time.size / s.rate, moves_of(s)
@@ -51,8 +52,9 @@ class DelayStretch:
         series = self._longer[:, self._margin : self._margin + s.time.size]
         self._velocity = s.velocity
         series[0] = s.acceleration
-        filters.low_pass_rows([s.jerk], OF_JERK, s.rate, out=series[1:2])
-        np.negative(series[1], out=series[1])
+        if jerk is None:
+            filters.low_pass_rows([s.jerk], OF_JERK, s.rate, out=series[1:2])
+        np.negative(series[1] if jerk is None else jerk, out=series[1])
         if s.position is not None:
             np.cos(s.position, out=series[3])
             np.sin(s.position, out=series[2])

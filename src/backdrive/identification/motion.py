@@ -27,6 +27,7 @@ from backdrive.identification.evidence import (
     sentences,
     without_errors,
 )
+from backdrive.identification.jerk import clear_jerk
 from backdrive.identification.model_torque import LEFT_OUT, leave_out
 from backdrive.identification.motion_bins import (
     BIN_TIME,
@@ -157,8 +158,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     look = windows_of(stretches, ENOUGH) or stretches
     few_options = [o for o in options if o.form.name in ROUGH] or options
 
-    def ready(some: Sequence[Signals]) -> list[DelayStretch]:
-        return [DelayStretch(s, seconds) for s in some]
+    def ready(some: Sequence[Signals], clear: bool = False) -> list[DelayStretch]:
+        return [DelayStretch(s, seconds, clear_jerk(s, step, corner) if clear else None) for s in some]
 
     def rough(
         slip: Slip, along: list[DelayStretch], some: Sequence[Signals]

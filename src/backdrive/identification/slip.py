@@ -40,7 +40,10 @@ SURE = 5.0  # least excess over one sampling interval of a poorly known delay th
 OPPOSITE, SLIGHT = -0.48, -0.1
 FELT = 3.0  # least significance of the inertia [standard error]
 SHOWN = 0.05  # least response of the jerk to a delay that determines the delay [-]
-Prepare = Callable[[Sequence[Signals]], list[DelayStretch]]
+CLOSE = (
+    5.0  # least accuracy of a delay for which a clearer jerk is worth a search [accuracy of a known delay]
+)
+Prepare = Callable[[Sequence[Signals], bool], list[DelayStretch]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,26 +122,31 @@ def search_slip(
         look: windows of them for a rough delay, or all.
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia, without jerk.
-        ready: prepares stretches for many delays.
+        ready: prepares stretches for many delays, with a jerk after a low pass, or with one that is clear of encoder errors.
         choose: gives the candidate for a rough delay and the stretches with those samples as sliding in which friction has
             built up, from prepared stretches, which are all or those of `look`.
     """
     coarse, widest = None, full.with_term("jerk")
-    some, whole = ready(look), look is stretches
+    some, whole = ready(look, False), look is stretches
     slip = seek_slip(some, knots, widest, rough=True)
     if not (whole or slip.is_known):
-        some, whole = ready(stretches), True
+        some, whole = ready(stretches, False), True
         slip = seek_slip(some, knots, widest, rough=True)
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
-        some, whole = some if whole else ready(stretches), True
+        some, whole = some if whole else ready(stretches, False), True
         slip = seek_slip(some, knots, widest, coarse, rough=True)
     candidate, stretches = choose(slip, some, whole)
     if whole:
         some = [each.with_sliding(s.sliding) for each, s in zip(some, stretches, strict=True)]
     else:  # after the windows' bins are gone: long logs fill the memory
-        some = ready(stretches)
+        some = ready(stretches, False)
     known = slip.correlation if abs(slip.delay) <= slip.period else None  # it was found without a delay
-    return seek_slip(some, knots, candidate.with_term("jerk"), slip.delay, known), coarse, stretches
+    near = candidate.with_term("jerk")
+    slip = seek_slip(some, knots, near, slip.delay, known)
+    if not slip.is_known and slip.error < CLOSE * slip.least:
+        clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.correlation)
+        slip = min(slip, clear, key=lambda one: one.error)
+    return slip, coarse, stretches
 
 
 def fix_slip(

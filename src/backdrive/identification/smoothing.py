@@ -116,7 +116,7 @@ def noise(step: float, cutoff: float, rate: float, width: int = 1, correlation: 
         width: length of the means of the acceleration [sample].
         correlation: of neighbouring means, which `Bins.whiten` removes [-].
     """
-    f = (np.arange(GRID) + 0.5) / (2 * GRID)
+    f, error = error_spectrum(step, cutoff, rate)
     twice = (rate * np.sin(2.0 * np.pi * f)) ** 4
     mean = (np.sin(np.pi * f * width) / (width * np.sin(np.pi * f))) ** 2
     turn = np.cos(2.0 * np.pi * f * width)
@@ -125,9 +125,22 @@ def noise(step: float, cutoff: float, rate: float, width: int = 1, correlation: 
         white = (1.0 + share**2) / (1.0 + share**2 + 2.0 * share * turn)
     else:
         white = (1.0 + correlation**2 - 2.0 * correlation * turn) / (1.0 - correlation**2)
-    return float(
-        step**2 / 12.0 * np.mean(power_gain(f, min(cutoff / rate, 0.49)) ** 2 * twice * mean * white)
-    )
+    return float(np.mean(error * twice * mean * white))
+
+
+def error_spectrum(step: float, cutoff: float, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the power of a low-passed position's rounding error by frequency; its mean is the mean square error.
+
+    Args:
+        step: of the encoder [rad or m].
+        cutoff: of the low pass [Hz].
+        rate: sampling rate [Hz].
+
+    Returns:
+        Frequencies by the rate [-], and the power there [rad^2 or m^2], (k,) each.
+    """
+    f = (np.arange(GRID) + 0.5) / (2 * GRID)
+    return f, step**2 / 12.0 * power_gain(f, min(cutoff / rate, 0.49)) ** 2
 
 
 def _longest(log: Log) -> np.ndarray | None:
