@@ -43,7 +43,7 @@ from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
 from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
-from backdrive.identification.settling import build_up, settled
+from backdrive.identification.settling import after_build_up, build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
 from backdrive.identification.slip import FEW, Slip, fix_slip, response, search_slip, with_slip
 from backdrive.identification.smoothing import noise as noise_of_encoder
@@ -177,7 +177,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
             if whole:
                 raise
             candidate, distance = rough(slip, ready(stretches), stretches)
-        return candidate, settled(stretches, distance)
+        return candidate, after_build_up(stretches, distance)
 
     if delay is not None:
         slip = fix_slip(along := ready(stretches), knots, full, delay)

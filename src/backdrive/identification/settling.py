@@ -60,7 +60,7 @@ def build_up(
     return within
 
 
-def settled(stretches: Sequence[Signals], distance: float) -> list[Signals]:
+def after_build_up(stretches: Sequence[Signals], distance: float) -> list[Signals]:
     """Return stretches in which samples within a distance after a reversal [rad or m] do not count as sliding."""
     if not distance > 0.0:
         return list(stretches)
