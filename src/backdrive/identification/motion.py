@@ -10,6 +10,7 @@ the influence of outliers.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -60,7 +61,7 @@ from backdrive.model.covariance import errors_by_parameter
 SHORT, FEW_TURNS = 4.0, 4  # least duration of motion [s] and least number of reversals without a remark
 LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
 LEAST_MOVES = 6  # least number of moves for standard errors
-ROUGH = ("line", "5 sections")  # curves of the candidate with which the delay is fitted
+ROUGH = ("line", "5 sections")  # curves of the candidate with which the delay is fitted, if a line is allowed
 ENOUGH = 300_000  # largest number of samples for a rough delay and for the candidate with which the delay is fitted
 SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
 NAMED = 0.05  # least constant beside the friction that is mentioned, relative to it [-]
@@ -156,7 +157,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, stretches
 
     look = windows_of(stretches, ENOUGH) or stretches
-    few_options = [o for o in options if o.form.name in ROUGH] or options
+    few_options = [o for o in options if o.form.name in ROUGH] if "line" in allowed else options
 
     def ready(some: Sequence[Signals], clear: bool = False) -> list[DelayStretch]:
         return [DelayStretch(s, seconds, clear_jerk(s, step, corner) if clear else None) for s in some]
@@ -171,13 +172,12 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     def at_rough(
         slip: Slip, along: list[DelayStretch], whole: bool
     ) -> tuple[design.Candidate, list[Signals]]:
-        try:
-            candidate, distance = rough(slip, along, stretches if whole else look)
-        except NotIdentifiable:  # windows show too little motion
-            if whole:
-                raise
-            candidate, distance = rough(slip, ready(stretches), stretches)
-        return candidate, after_build_up(stretches, distance)
+        for again in (False, True):  # windows may show too little motion
+            some = ready(stretches) if again and not whole else along
+            with suppress(NotIdentifiable):
+                candidate, distance = rough(slip, some, stretches if whole or again else look)
+                return candidate, after_build_up(stretches, distance)
+        return full, list(stretches)  # the choice at the final delay decides
 
     if delay is not None:
         slip = fix_slip(along := ready(stretches), knots, full, delay)
@@ -188,8 +188,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)
-    bins = average(shift(slip.delay, slid))
-    choice, bins, slowest = choose(slip, bins)
+    try:
+        choice, bins, slowest = choose(slip, average(shift(slip.delay, slid)))
+    except NotIdentifiable:  # too little is left without the build-up
+        slid = stretches
+        choice, bins, slowest = choose(slip, average(shift(slip.delay, slid)))
     if slip.is_fitted(coarse):
         later = average(shift(slip.delay + slip.error, slid), choice.candidate.spread)
         later = replace(later, used=bins.used).whiten(slip.correlation)
