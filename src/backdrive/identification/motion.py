@@ -172,10 +172,10 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     def at_rough(
         slip: Slip, along: list[DelayStretch], whole: bool
     ) -> tuple[design.Candidate, list[Signals]]:
-        for again in (False, True):  # windows may show too little motion
-            some = ready(stretches) if again and not whole else along
+        for every in (True,) if whole else (False, True):  # windows may show too little motion
+            some = ready(stretches) if every and not whole else along
             with suppress(NotIdentifiable):
-                candidate, distance = rough(slip, some, stretches if whole or again else look)
+                candidate, distance = rough(slip, some, stretches if every else look)
                 return candidate, after_build_up(stretches, distance)
         return full, list(stretches)  # the choice at the final delay decides
 
