@@ -5,8 +5,8 @@ import pytest
 
 from backdrive.identification.jerk import BANDS, clear_jerk
 from backdrive.identification.motion import identify_motion
+from backdrive.identification.motion_error import MotionError
 from backdrive.identification.signals import default_cutoff, prepare
-from backdrive.identification.smoothing import error_spectrum
 from backdrive.logs.filters import low_pass
 from backdrive.logs.log import Joint, Log
 
@@ -41,13 +41,16 @@ def log_of(seed: int, quick: bool, late: float = 0.0) -> Log:
 def test_encoder_errors_are_left_out_and_a_quick_moment_is_kept():
     (quick,), (calm,) = (prepare(log_of(0, one), "j") for one in (True, False))
     cutoff = default_cutoff(RATE)
-    kept, plain = clear_jerk(quick, STEP, cutoff), low_pass(quick.jerk, BANDS[-1], RATE)
+    kept, plain = clear_jerk(quick, MotionError.of_steps(STEP), cutoff), low_pass(quick.jerk, BANDS[-1], RATE)
     at = slice(round((LEAD - 0.01) * RATE), round((LEAD + 0.01) * RATE))
     assert kept[at].min() == pytest.approx(plain[at].min(), rel=0.2)
     inside = slice(2000, -2000)  # away from the log's ends
     kept, low, plain = (
         x[inside]
-        for x in (clear_jerk(calm, STEP, cutoff), *(low_pass(calm.jerk, f, RATE) for f in (5.0, 80.0)))
+        for x in (
+            clear_jerk(calm, MotionError.of_steps(STEP), cutoff),
+            *(low_pass(calm.jerk, f, RATE) for f in (5.0, 80.0)),
+        )
     )
     assert np.std(kept - low) < 0.1 * np.std(plain - low)
 
@@ -55,13 +58,7 @@ def test_encoder_errors_are_left_out_and_a_quick_moment_is_kept():
 def test_without_an_encoder_step_all_bands_are_kept():
     (s,) = prepare(log_of(0, True), "j")
     plain = low_pass(s.jerk, BANDS[-1], RATE)
-    assert clear_jerk(s, 0.0, default_cutoff(RATE)) == pytest.approx(plain, abs=1e-9)
-
-
-def test_the_error_s_spectrum_is_that_of_a_rounded_position():
-    rng = np.random.default_rng(1)
-    x = low_pass(STEP * rng.uniform(-0.5, 0.5, 400_000), 60.0, RATE)
-    assert error_spectrum(STEP, 60.0, RATE)[1].mean() == pytest.approx(np.mean(x[500:-500] ** 2), rel=0.02)
+    assert clear_jerk(s, MotionError(), default_cutoff(RATE)) == pytest.approx(plain, abs=1e-9)
 
 
 def test_a_delay_that_a_moment_tells_is_stated():

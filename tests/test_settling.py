@@ -7,8 +7,6 @@ import pytest
 
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.signals import prepare, turns, way_since_reversal
-from backdrive.identification.smoothing import noise
-from backdrive.logs.filters import low_pass
 from backdrive.logs.log import Joint, Log
 
 RATE = 1000.0
@@ -68,18 +66,6 @@ def scores(name: str, truth: float, **options) -> np.ndarray:
 def test_the_encoder_does_not_draw_the_inertia_to_zero_under_coloured_noise():
     """Whitening weighs high frequencies, where an encoder's steps are most of the acceleration."""
     assert abs(scores("inertia", INERTIA, step=4e-5).mean()) < 0.8
-
-
-def test_noise_of_the_encoder_is_that_of_whitened_means_of_a_rounded_position():
-    rng = np.random.default_rng(3)
-    step, cutoff, width, correlation = 1e-4, 60.0, 10, 0.8
-    x = low_pass(step * rng.uniform(-0.5, 0.5, 400_000), cutoff, RATE)
-    acceleration = np.gradient(np.gradient(x, 1.0 / RATE), 1.0 / RATE)
-    mean = acceleration.reshape(-1, width).mean(axis=1)
-    white = (mean[1:] - correlation * mean[:-1]) / np.sqrt(1.0 - correlation**2)
-    assert noise(step, cutoff, RATE) == pytest.approx(np.mean(acceleration[100:-100] ** 2), rel=0.02)
-    expected = np.mean(white[20:-20] ** 2)
-    assert noise(step, cutoff, RATE, width, correlation) == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize("bend", [0.0, 0.01, 0.02])

@@ -190,6 +190,7 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
     total, power = max(float(blocks.rows.sum()), 1e-300), float(blocks.power.sum())
     fits: list[tuple[float, Candidate, np.ndarray]] = []
     by_block: dict[int, np.ndarray] = {}
+    vague: list[tuple[float, float]] = []
     for option in options:
         mapped = blocks.map_columns(option.spread)
         weight = mapped.whole[0].diagonal()
@@ -198,12 +199,21 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
             continue
         theta, left_out = regression.solutions(mapped)
         if len(option.form.knots) > 2:  # at a knot that the data hardly determine, a curve would oscillate
-            variance = regression.sandwich(mapped, theta).diagonal()[k:].max()
-            if math.sqrt(max(variance, 0.0)) > VAGUE * np.abs(theta[k:]).max():
+            variance = regression.sandwich(mapped, theta).diagonal()[k:]
+            unsure = math.sqrt(max(variance.max(), 0.0)) / max(np.abs(theta[k:]).max(), 1e-300)
+            if unsure > VAGUE:
+                vague.append((unsure, option.form.knots[np.argmax(variance) % option.form.knots.size]))
                 continue
         by_block[id(option)] = regression.block_losses(mapped, left_out)
         loss = max(by_block[id(option)].sum(), ROUNDING * power)
         fits.append((float(loss) / total, option, theta))
+    if not fits and vague:
+        unsure, speed = min(vague)
+        raise NotIdentifiable(
+            f"These data do not determine a friction curve of several sections: at {speed:.2g} rad/s or m/s it is uncertain by "
+            f"{100.0 * unsure:.0f} % of the largest friction (at most {100.0 * VAGUE:.0f} %).",
+            remedy="Fit Coulomb and viscous friction (--law coulomb-viscous), or record a longer motion at that speed.",
+        )
     if not fits:
         raise NotIdentifiable(
             "These data do not determine a friction curve: the joint hardly moves.",

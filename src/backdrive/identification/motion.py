@@ -47,14 +47,12 @@ from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import after_build_up, build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
 from backdrive.identification.slip import FEW, Slip, fix_slip, response, search_slip, with_slip
-from backdrive.identification.smoothing import noise as noise_of_encoder
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.identification.user_delay import describe
 from backdrive.identification.windows import windows_of
 from backdrive.logs.log import Joint, Log
 from backdrive.logs.quantiles import quantile
-from backdrive.logs.resolution import encoder_step
 from backdrive.model import Covariance, JointFriction, Validity
 from backdrive.model.covariance import errors_by_parameter
 
@@ -144,7 +142,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
-        false = noise_of_encoder(step, corner, rate, max(1, round(seconds * rate)), slip.correlation)
+        false = smooth.error.in_acceleration(corner, rate, max(1, round(seconds * rate)), slip.correlation)
         choice = design.refit(design.fit(blocks, candidate, loss), blocks.without_noise(false))
         bins = bins.map_columns(candidate.spread)
         left = bins.y - bins.X @ choice.coefficients
@@ -152,7 +150,6 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     rate = stretches[0].rate
     corner = smooth.cutoff or default_cutoff(rate)
-    step = encoder_step(logs[0], joint)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, stretches
 
@@ -160,7 +157,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     few_options = [o for o in options if o.form.name in ROUGH] if "line" in allowed else options
 
     def ready(some: Sequence[Signals], clear: bool = False) -> list[DelayStretch]:
-        return [DelayStretch(s, seconds, clear_jerk(s, step, corner) if clear else None) for s in some]
+        return [
+            DelayStretch(s, seconds, clear_jerk(s, smooth.error, corner) if clear else None) for s in some
+        ]
 
     def rough(
         slip: Slip, along: list[DelayStretch], some: Sequence[Signals]

@@ -23,7 +23,6 @@ from backdrive.logs import filters
 SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
-QUIET = 2  # tests in a row without a smaller torque, after which longer distances are not tested
 
 
 def build_up(
@@ -46,16 +45,13 @@ def build_up(
     """
     way, sense, middle = _ways(stretches, delay, seconds)
     fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
-    within, quiet = 0.0, 0
+    within = 0.0
     for reach in (share * middle for share in SHARES):
         band = (way >= before) & (way < reach)
         if np.count_nonzero(used & band) >= FEWEST:
             lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
-            quiet += 1
             if lags:
-                used, within, quiet = raw.used & (way >= reach), reach, 0
-            if quiet == QUIET:
-                break
+                used, within = raw.used & (way >= reach), reach
         before = reach
     return within
 

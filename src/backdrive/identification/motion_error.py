@@ -1,0 +1,130 @@
+"""The white error of a measured motion: the rounding to an encoder's steps, or noise of the sensor.
+
+After differentiation its mean square grows with the fifth power of the cutoff frequency for a position, with the third for a
+velocity. Sensor noise is measured above a tenth of the sampling rate, where there is hardly any motion, as a median over
+frequencies and over the log. A velocity may have been computed from positions: its noise then grows with the frequency, and the
+positions' noise is returned.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backdrive.identification.motion_bins import moving_average
+from backdrive.logs.filters import power_gain
+from backdrive.logs.log import Log
+from backdrive.logs.resolution import channel_step, encoder_step
+
+GRID = 1024  # number of frequencies for the error
+LENGTH, MOST = 512, 16  # length of a piece [sample], and largest number of pieces
+ABOVE = 0.1  # lowest frequency at which the noise is measured [sampling rate]
+BANDS = 4  # number of bands of frequencies in which the noise of a velocity is compared
+BENDS = 4  # differences that take the motion away
+MORE = 1.5  # least noise relative to that of the rounding, above which it is not the rounding alone [-]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionError:
+    """White error of the measured motion of one joint.
+
+    Attributes:
+        size: its standard deviation [rad or m; of a velocity: a second].
+        orders: derivatives from what is measured to the acceleration [-]: 2 for a position, 1 for a velocity.
+        step: of the encoder, if its rounding is the error [rad or m; of a velocity: a second]; 0 for noise.
+    """
+
+    size: float = 0.0
+    orders: int = 2
+    step: float = 0.0
+
+    @classmethod
+    def of_steps(cls, step: float) -> MotionError:
+        """Return the error of positions that are rounded to steps [rad or m]."""
+        return cls(size=step / 12.0**0.5, step=step)
+
+    def spectrum(self, cutoff: float, rate: float, beyond: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Return the power of the error by frequency in a derivative of the low-passed motion; its mean is the mean square.
+
+        Args:
+            cutoff: of the low pass [Hz].
+            rate: sampling rate [Hz].
+            beyond: derivatives after the acceleration [-].
+
+        Returns:
+            Frequencies by the rate [-], and the power there [rad^2/s^4 or m^2/s^4, by s^2 for each further derivative], (k,) each.
+        """
+        f = (np.arange(GRID) + 0.5) / (2 * GRID)
+        gain = power_gain(f, min(cutoff / rate, 0.49)) * (rate * np.sin(2.0 * np.pi * f)) ** (
+            self.orders + beyond
+        )
+        return f, (self.size * gain) ** 2
+
+    def in_acceleration(self, cutoff: float, rate: float, width: int = 1, correlation: float = 0.0) -> float:
+        """Return the mean square error of the acceleration [rad^2/s^4 or m^2/s^4].
+
+        Args:
+            cutoff: of the low pass [Hz].
+            rate: sampling rate [Hz].
+            width: length of the means of the acceleration [sample].
+            correlation: of neighbouring means, which `Bins.whiten` removes [-].
+        """
+        f, power = self.spectrum(cutoff, rate)
+        mean = (np.sin(np.pi * f * width) / (width * np.sin(np.pi * f))) ** 2
+        turn = np.cos(2.0 * np.pi * f * width)
+        if correlation < 0.0:
+            share = moving_average(correlation)
+            white = (1.0 + share**2) / (1.0 + share**2 + 2.0 * share * turn)
+        else:
+            white = (1.0 + correlation**2 - 2.0 * correlation * turn) / (1.0 - correlation**2)
+        return float(np.mean(power * mean * white))
+
+
+def motion_error(log: Log, measured: np.ndarray, rate: float) -> MotionError:
+    """Return the white error of the positions of a log of one joint, or of its velocities if it has no positions.
+
+    Args:
+        log: of one joint.
+        measured: positions [rad or m] or velocities [rad/s or m/s] without gaps, (n,).
+        rate: sampling rate [Hz].
+    """
+    if log.position is not None:
+        size, step = _noise(measured)[0], encoder_step(log)
+        rounding = MotionError.of_steps(step)
+        return MotionError(size=size) if size > MORE * rounding.size else rounding
+    step = channel_step(log, "velocity", 0)
+    size, of_positions = _noise(measured, velocity=True)
+    if size <= MORE * step / 12.0**0.5:
+        return MotionError(size=step / 12.0**0.5, orders=1, step=step)
+    return MotionError(size=size / rate) if of_positions else MotionError(size=size, orders=1)
+
+
+def _noise(x: np.ndarray, velocity: bool = False) -> tuple[float, bool]:
+    """Return the standard deviation of white noise in a signal, (n,), and whether its integral has it instead.
+
+    Args:
+        x: signal.
+        velocity: the signal may be the difference of one with white noise, over one sampling interval or over two.
+    """
+    count = min(MOST, (x.size - BENDS) // LENGTH)
+    if count < 1:
+        return 0.0, False
+    starts = np.linspace(0, x.size - BENDS - LENGTH, count).astype(int)
+    pieces = np.diff(np.stack([x[k : k + LENGTH + BENDS] for k in starts]), BENDS, axis=1)
+    window = np.hanning(LENGTH)
+    f = np.arange(round(ABOVE * LENGTH), LENGTH // 2) / LENGTH
+    power = np.abs(np.fft.rfft(pieces * window)[:, -f.size - 1 : -1]) ** 2
+    power /= np.log(2.0) * np.sum(window**2) * (2.0 * np.sin(np.pi * f)) ** (2 * BENDS)
+    shapes = [np.ones(f.size)]
+    if velocity:
+        shapes += [4.0 * np.sin(np.pi * f) ** 2, np.sin(2.0 * np.pi * f) ** 2]
+    uneven = [_uneven(power / shape) for shape in shapes]
+    best = int(np.argmin(uneven))
+    return float(np.sqrt(np.median(power / shapes[best]))), best > 0
+
+
+def _uneven(power: np.ndarray) -> float:
+    """Return how much the median power differs between bands of frequencies, (m, k), relative [-]."""
+    medians = [np.median(band) for band in np.array_split(power, BANDS, axis=1)]
+    return float(np.std(np.log(np.maximum(medians, 1e-300))))

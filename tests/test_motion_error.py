@@ -1,0 +1,104 @@
+"""White errors of a measured motion: found by what they are, and kept out of inertia and delay."""
+
+import numpy as np
+import pytest
+
+from backdrive import Joint, Log, identify
+from backdrive.identification.motion_error import MotionError, motion_error
+from backdrive.identification.smoothing import smoothing
+from backdrive.logs.filters import low_pass
+
+RATE = 1000.0
+INERTIA = 0.15
+
+
+def sines(seed=0, seconds=12.0):
+    """Return time, position, velocity and acceleration of three sines."""
+    rng, t = np.random.default_rng(seed), np.arange(round(RATE * seconds)) / RATE
+    q, v, a = np.zeros((3, t.size))
+    for hertz, size in ((0.11, 0.9), (0.31, 0.4), (0.83, 0.1)):
+        w, phase = 2.0 * np.pi * hertz, rng.uniform(0.0, 2.0 * np.pi)
+        q += size * np.sin(w * t + phase)
+        v += size * w * np.cos(w * t + phase)
+        a -= size * w * w * np.sin(w * t + phase)
+    return t, q, v, a
+
+
+def log(seed=0, *, position=0.0, velocity=None, step=0.0, differenced=False):
+    """Return a log under Coulomb and viscous friction, with noise of the motion."""
+    rng = np.random.default_rng(100 + seed)
+    t, q, v, a = sines(seed)
+    tau = INERTIA * a + 1.5 * np.sign(v) + 0.8 * v + 0.05 * rng.standard_normal(t.size)
+    read = q + position * rng.standard_normal(t.size)
+    read = np.round(read / step) * step if step else read
+    if differenced:
+        motion = {"velocity": np.diff(read, prepend=2 * read[0] - read[1]) * RATE}
+    elif velocity is not None:
+        motion = {"velocity": v + velocity * rng.standard_normal(t.size)}
+    else:
+        motion = {"position": read}
+    return Log(time=t, joints=(Joint(name="j", unit="rad"),), torque=tau, **motion)
+
+
+def error_of(one: Log) -> MotionError:
+    motion = one.velocity if one.position is None else one.position
+    return motion_error(one, motion[:, 0], RATE)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e-4, 1e-2])
+def test_noise_of_a_position_is_measured(size):
+    error = error_of(log(position=size))
+    assert (error.orders, error.step) == (2, 0.0)
+    assert error.size == pytest.approx(size, rel=0.1)
+
+
+def test_noise_of_a_velocity_is_told_from_that_of_the_positions_below_it():
+    error = error_of(log(velocity=5e-3))
+    assert error.orders == 1 and error.size == pytest.approx(5e-3, rel=0.1)
+    error = error_of(log(position=1e-4, differenced=True))
+    assert error.orders == 2 and error.size == pytest.approx(1e-4, rel=0.1)
+
+
+def test_rounding_is_taken_as_rounding_and_a_clean_motion_as_clean():
+    error = error_of(log(step=1e-4))
+    assert (error.size, error.step) == pytest.approx((1e-4 / 12.0**0.5, 1e-4))
+    assert error_of(log(step=1e-5, position=1e-4)).size == pytest.approx(1e-4, rel=0.1)
+    assert error_of(log()).size < 1e-12
+
+
+@pytest.mark.parametrize("orders", [1, 2])
+def test_the_mean_square_is_that_of_whitened_means_of_the_acceleration(orders):
+    rng = np.random.default_rng(3)
+    size, cutoff, width, correlation = 1e-4, 60.0, 10, 0.8
+    x = low_pass(size * rng.standard_normal(400_000), cutoff, RATE)
+    for _ in range(orders):
+        x = np.gradient(x, 1.0 / RATE)
+    mean = x.reshape(-1, width).mean(axis=1)
+    white = (mean[1:] - correlation * mean[:-1]) / np.sqrt(1.0 - correlation**2)
+    error = MotionError(size=size, orders=orders)
+    assert error.in_acceleration(cutoff, RATE) == pytest.approx(np.mean(x[100:-100] ** 2), rel=0.02)
+    expected = np.mean(white[20:-20] ** 2)
+    assert error.in_acceleration(cutoff, RATE, width, correlation) == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [{"position": 1e-4}, {"position": 1e-3}, {"velocity": 0.02}, {"position": 1e-4, "differenced": True}],
+)
+@pytest.mark.parametrize("law", ["coulomb-viscous", None])
+def test_noise_of_the_motion_does_not_draw_the_inertia_to_zero(noise, law):
+    """The inertia was 0.15 to 0.002 with errors stated, or 0.04 with a position noise of 0.1 mrad."""
+    one = log(1, **noise)
+    assert "--cutoff" in smoothing([one], "j").note
+    dynamics = identify(one, method="motion", law=law).model.joints[0].dynamics
+    inertia = dynamics["inertia"]
+    assert abs(inertia.value - INERTIA) < 3.5 * inertia.standard_error < 0.1 * INERTIA
+    if "time_slip" in dynamics:
+        assert abs(dynamics["time_slip"].value) < 4.0 * dynamics["time_slip"].standard_error
+
+
+def test_a_sensor_that_is_too_noisy_for_the_motion_is_named():
+    q = sines()[1]
+    one = log(position=3e-3)
+    still = one.replace(position=0.02 * q[:, None] + one.position - q[:, None])
+    assert "position is too noisy" in smoothing([still], "j").warning
