@@ -23,6 +23,8 @@ from backdrive.logs import filters
 SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
+CLEAR = 3.0  # the same of moves' means that are not whitened [standard error]
+FEWEST_MOVES = 4  # least number of moves for it
 
 
 def build_up(
@@ -44,14 +46,17 @@ def build_up(
         seconds: of the bins [s].
     """
     way, sense, middle = _ways(stretches, delay, seconds)
+    moves = np.cumsum(np.diff(way, prepend=0.0) < 0.0)
     fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
     within = 0.0
     for reach in (share * middle for share in SHARES):
         band = (way >= before) & (way < reach)
-        if np.count_nonzero(used & band) >= FEWEST:
-            lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
-            if lags:
-                used, within = raw.used & (way >= reach), reach
+        of_band = replace(fitted, used=used)
+        lags = _falls_short(of_band, band, sense, moves)
+        if not lags and np.count_nonzero(used & band) >= FEWEST:
+            lags, theta = _lags(of_band, sense * band, correlation, theta)
+        if lags:
+            used, within = raw.used & (way >= reach), reach
         before = reach
     return within
 
@@ -61,6 +66,28 @@ def after_build_up(stretches: Sequence[Signals], distance: float) -> list[Signal
     if not distance > 0.0:
         return list(stretches)
     return [replace(s, sliding=s.sliding & (way_since_reversal(s)[0] >= distance)) for s in stretches]
+
+
+def _falls_short(fitted: Bins, band: np.ndarray, sense: np.ndarray, moves: np.ndarray) -> bool:
+    """Return whether the torque in a band is clearly smaller than a fit to the other bins predicts, from move to move.
+
+    If friction builds up over several bins, their residuals are correlated. Whitening would reverse the sign of all but the first.
+
+    Args:
+        fitted: bins with the candidate's columns.
+        band: mask of the tested bins, (n,).
+        sense: direction of the motion, (n,).
+        moves: number of the move of each bin, (n,).
+    """
+    at = np.flatnonzero(fitted.used & band)
+    of_move = np.bincount(moves[at])
+    count = np.count_nonzero(of_move)
+    if count < FEWEST_MOVES:
+        return False
+    theta = fit(replace(fitted, used=fitted.used & ~band))
+    left = sense[at] * (fitted.y[at] - fitted.X[at] @ theta)
+    means = np.bincount(moves[at], left)[of_move > 0] / of_move[of_move > 0]
+    return bool(means.mean() < -CLEAR * means.std(ddof=1) / np.sqrt(count))
 
 
 def _lags(
