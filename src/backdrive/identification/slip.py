@@ -15,6 +15,7 @@ import numpy as np
 
 from backdrive.identification import design, noise, regression
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
+from backdrive.identification.delay_profile import CENTRED, ROUGHLY, supported
 from backdrive.identification.lateness import delay as shift_of
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
@@ -43,6 +44,7 @@ SHOWN = 0.05  # least response of the jerk to a delay that determines the delay 
 CLOSE = (
     5.0  # least accuracy of a delay for which a clearer jerk is worth a search [accuracy of a known delay]
 )
+COLOURED = 0.3  # least correlation of neighbouring bins with which the loss is to support the delay [-]
 Prepare = Callable[[Sequence[Signals], bool], list[DelayStretch]]
 
 
@@ -143,9 +145,13 @@ def search_slip(
     known = slip.correlation if abs(slip.delay) <= slip.period else None  # it was found without a delay
     near = candidate.with_term("jerk")
     slip = seek_slip(some, knots, near, slip.delay, known)
+    centred = CENTRED
     if not slip.is_known and slip.error < CLOSE * slip.least:
         clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.correlation)
-        slip = min(slip, clear, key=lambda one: one.error)
+        slip, centred = min((slip, CENTRED), (clear, ROUGHLY), key=lambda one: one[0].error)
+    if slip.is_known and slip.correlation > COLOURED:
+        delay, error = supported(some, knots, candidate, slip.delay, slip.error, slip.correlation, centred)
+        slip = replace(slip, delay=delay, error=error)
     return slip, coarse, stretches
 
 
@@ -215,7 +221,21 @@ def seek_slip(
     if not rough:
         variance = max(variance, float(regression.sandwich(bins.equations(theta), theta)[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
+    if not rough:
+        error = math.hypot(error, period / math.sqrt(6.0 * _moments(bins, jerk)))
     return Slip(delay=delay, error=error, period=period, correlation=correlation)
+
+
+def _moments(bins: Bins, jerk: int) -> float:
+    """Return the effective number of bins that tell the delay [-].
+
+    A jump of the acceleration between two samples looks alike wherever between them it is. A delay that few jumps tell is
+    uncertain by a part of the sampling interval.
+    """
+    X = bins.X[bins.used]
+    others = np.delete(X, jerk, axis=1)
+    told = (X[:, jerk] - others @ regression.solve(others.T @ others, others.T @ X[:, jerk])) ** 2
+    return float(told.sum() ** 2 / max((told**2).sum(), 1e-300))
 
 
 def _next(tried: list[tuple[float, float]], lever: float) -> tuple[float, float, bool]:

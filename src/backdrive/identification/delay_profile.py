@@ -1,0 +1,84 @@
+"""Whether the fit's loss supports a delay and its error: the loss of fits with delays around it, as a parabola.
+
+A search along the jerk may end at a wrong root if noise is correlated or the jerk responds weakly. The loss of a fit without the
+jerk is least at the true delay, and exceeds that by the square of the distance, in standard errors. Where the minimum is elsewhere,
+the delay is moved there; where the loss rises much more slowly, the error is enlarged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.identification import design, regression
+from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
+
+APART = 3.0  # distance of the three delays [standard error]
+CENTRED = 1.0  # largest distance of the minimum from a delay that is kept [standard error]
+ROUGHLY = 3.0  # the same of a delay that a clearer jerk tells, by more than the loss does [standard error]
+ROUNDS = 6  # largest number of parabolas
+FLAT = 0.02  # least curvature of a parabola that has a minimum, relative to that of the standard error [-]
+AGREES = 0.25  # least curvature with which the standard error is kept, likewise [-]
+NORMAL = 0.82  # rise of Huber's loss relative to that of the squares, with normal residuals [-]
+
+
+def supported(
+    stretches: Sequence[DelayStretch],
+    knots: np.ndarray,
+    candidate: design.Candidate,
+    delay: float,
+    error: float,
+    correlation: float,
+    centred: float = CENTRED,
+) -> tuple[float, float]:
+    """Return a delay that minimises the loss, or nearly so, and an error that its profile supports [s]; infinite without either.
+
+    Args:
+        stretches: of one joint.
+        knots: of the fine basis [rad/s or m/s], (k,).
+        candidate: of the fit, with inertia, without jerk.
+        delay: as estimated [s].
+        error: its standard error [s].
+        correlation: of the noise of neighbouring bins [-].
+        centred: largest distance of the minimum from a delay that is kept [standard error].
+    """
+    apart = error
+    for _ in range(ROUNDS):
+        low, middle, high = _losses(
+            stretches, knots, candidate, delay + APART * apart * np.array([-1.0, 0.0, 1.0]), correlation
+        )
+        curvature = (low + high - 2.0 * middle) / (2.0 * APART**2 * NORMAL)
+        off = (low - high) / (4.0 * APART * NORMAL * max(curvature, FLAT))
+        if curvature > FLAT and abs(off) <= centred:
+            told = apart / np.sqrt(curvature)
+            return delay, error if told**2 * AGREES < error**2 else told
+        delay += float(np.clip(off, -APART, APART)) * apart
+        if abs(off) > APART or not curvature > FLAT:
+            apart *= 2.0
+    return delay, np.inf
+
+
+def _losses(
+    stretches: Sequence[DelayStretch],
+    knots: np.ndarray,
+    candidate: design.Candidate,
+    delays: np.ndarray,
+    correlation: float,
+) -> np.ndarray:
+    """Return Huber's loss of fits with some delays [s], by the variance of the noise, (k,)."""
+    each = [bins_at_delay(stretches, delay, knots, candidate) for delay in delays]
+    used = np.logical_and.reduce([bins.used for bins in each])
+    residuals, theta = [], None
+    for bins in each:
+        whitened = replace(bins, used=used).whiten(correlation)
+        theta = regression.robust_solution(whitened.X, whitened.y, whitened.used.astype(float), start=theta)
+        residuals.append((whitened.y - whitened.X @ theta)[whitened.used])
+    spread = min(regression.robust_spread(residual) for residual in residuals)
+    inside = regression.HUBER * spread
+    sizes = [np.abs(residual) for residual in residuals]
+    return (
+        np.array([np.sum(np.where(x < inside, x * x, 2.0 * inside * x - inside**2)) for x in sizes])
+        / spread**2
+    )
