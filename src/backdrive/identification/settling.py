@@ -23,8 +23,12 @@ from backdrive.logs import filters
 SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
-CLEAR = 3.0  # the same of moves' means that are not whitened [standard error]
-FEWEST_MOVES = 4  # least number of moves for it
+QUIET = (
+    2  # tests in a row without a smaller torque, after which longer distances are tested if there is a doubt
+)
+CLEAR = 3.0  # least significance from move to move, without whitening [standard error]
+DOUBT = 1.0  # the same of a doubt [standard error]
+FEWEST_MOVES = 4  # least number of moves for a test from move to move
 
 
 def build_up(
@@ -48,16 +52,19 @@ def build_up(
     way, sense, middle = _ways(stretches, delay, seconds)
     moves = np.cumsum(np.diff(way, prepend=0.0) < 0.0)
     fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
-    within = 0.0
+    within, quiet, error = 0.0, 0, None
     for reach in (share * middle for share in SHARES):
         band = (way >= before) & (way < reach)
-        of_band = replace(fitted, used=used)
-        lags = _falls_short(of_band, band, sense, moves)
-        if not lags and np.count_nonzero(used & band) >= FEWEST:
-            lags, theta = _lags(of_band, sense * band, correlation, theta)
-        if lags:
-            used, within = raw.used & (way >= reach), reach
         before = reach
+        if error is None:
+            error = sense * (fitted.y - fitted.X @ fit(replace(fitted, used=used)))
+        surely = _from_move_to_move(error, used & band, moves)
+        lags = surely < -CLEAR
+        if not lags and (quiet < QUIET or surely < -DOUBT) and np.count_nonzero(used & band) >= FEWEST:
+            lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
+        quiet += 1
+        if lags:
+            used, within, quiet, error = raw.used & (way >= reach), reach, 0, None
     return within
 
 
@@ -68,26 +75,22 @@ def after_build_up(stretches: Sequence[Signals], distance: float) -> list[Signal
     return [replace(s, sliding=s.sliding & (way_since_reversal(s)[0] >= distance)) for s in stretches]
 
 
-def _falls_short(fitted: Bins, band: np.ndarray, sense: np.ndarray, moves: np.ndarray) -> bool:
-    """Return whether the torque in a band is clearly smaller than a fit to the other bins predicts, from move to move.
+def _from_move_to_move(error: np.ndarray, band: np.ndarray, moves: np.ndarray) -> float:
+    """Return the mean error in a band, from move to move, by its standard error [-]; 0 with too few moves.
 
-    If friction builds up over several bins, their residuals are correlated. Whitening would reverse the sign of all but the first.
+    If friction builds up over several bins, their errors are correlated. Whitening would reverse the sign of all but the first.
 
     Args:
-        fitted: bins with the candidate's columns.
+        error: of the torque along the motion, (n,).
         band: mask of the tested bins, (n,).
-        sense: direction of the motion, (n,).
         moves: number of the move of each bin, (n,).
     """
-    at = np.flatnonzero(fitted.used & band)
-    of_move = np.bincount(moves[at])
-    count = np.count_nonzero(of_move)
-    if count < FEWEST_MOVES:
-        return False
-    theta = fit(replace(fitted, used=fitted.used & ~band))
-    left = sense[at] * (fitted.y[at] - fitted.X[at] @ theta)
-    means = np.bincount(moves[at], left)[of_move > 0] / of_move[of_move > 0]
-    return bool(means.mean() < -CLEAR * means.std(ddof=1) / np.sqrt(count))
+    at = np.flatnonzero(band)
+    count = np.bincount(moves[at])
+    if np.count_nonzero(count) < FEWEST_MOVES:
+        return 0.0
+    means = np.bincount(moves[at], error[at])[count > 0] / count[count > 0]
+    return float(means.mean() / max(means.std(ddof=1) / np.sqrt(means.size), 1e-300))
 
 
 def _lags(

@@ -74,11 +74,13 @@ def _of_log(log: Log, cutoff: float | None, share: float) -> Smoothing:
     cutoffs = [default_cutoff(rate)]
     while cutoffs[-1] * FACTOR >= LOWEST:
         cutoffs.append(cutoffs[-1] * FACTOR)
-    error = np.array([of_motion.in_acceleration(f, rate) for f in cutoffs])
-    power = _accelerations(measured, cutoffs, rate, 1 if log.position is None else 2)
-    signal = np.maximum(power - error, 0.0)
-    if error[0] <= share**2 * signal[0]:
+    orders = 1 if log.position is None else 2
+    first = of_motion.in_acceleration(cutoffs[0], rate)
+    if first <= share**2 * (_accelerations(measured, cutoffs[:1], rate, orders)[0] - first):
         return found
+    error = np.array([of_motion.in_acceleration(f, rate) for f in cutoffs])
+    power = _accelerations(measured, cutoffs, rate, orders)
+    signal = np.maximum(power - error, 0.0)
     clear = error <= CLEAR * power
     for limit, doubt in (((share, UNSURE),) if share < SHARE else ()) + ((SHARE, 0.0),):
         whole = float(np.max((signal - doubt * error)[clear], initial=0.0))
