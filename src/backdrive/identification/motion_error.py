@@ -18,7 +18,7 @@ from backdrive.logs.log import Log
 from backdrive.logs.resolution import channel_step, encoder_step
 
 GRID = 1024  # number of frequencies for the error
-LENGTH, MOST = 512, 16  # length of a piece [sample], and largest number of pieces
+LENGTH, MOST = 512, 8  # length of a piece [sample], and largest number of pieces
 ABOVE = 0.1  # lowest frequency at which the noise is measured [sampling rate]
 BANDS = 4  # number of bands of frequencies in which the noise of a velocity is compared
 BENDS = 4  # differences that take the motion away

@@ -294,11 +294,12 @@ def waves_at(
         yield rows, sine[: rows.stop - at], cosine[: rows.stop - at]
 
 
-def residual_of(parts: Sequence[Part]) -> Residual | None:
+def residual_of(parts: Sequence[Part], *, means_alone: bool = False) -> Residual | None:
     """Return the residual of a model in short means; None without samples.
 
     Args:
         parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted.
+        means_alone: leave `wild` and `step` at 0, which need each sample.
     """
     parts = [part for part in parts if part[0].time.size]
     if not parts:
@@ -316,7 +317,7 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         masks = [x[: n * width].reshape(n, width).all(axis=1) for x in (s.moving, slides)]
         known = np.broadcast_to(0.0, n) if s.model_torque is None else filters.means(s.model_torque, width)
         columns.append([*means, known, np.full(n, number, dtype=np.int32), *masks])
-        error = (s.torque - predicted)[slides]
+        error = np.zeros(0) if means_alone else (s.torque - predicted)[slides]
         if error.size:
             error = np.abs(error - median(error))
             off = error > WILD * 1.4826 * median(error)
@@ -344,5 +345,5 @@ def residual_of(parts: Sequence[Part]) -> Residual | None:
         **dict(zip((*names, "moving", "sliding"), joined, strict=True)),
         period=max(1, round(MEAN * rate)) / rate,
         wild=far / count if count else 0.0,
-        step=min(resolution(s.torque) for s, *_ in parts),
+        step=0.0 if means_alone else min(resolution(s.torque) for s, *_ in parts),
     )

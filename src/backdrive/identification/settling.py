@@ -23,11 +23,8 @@ from backdrive.logs import filters
 SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
-QUIET = (
-    2  # tests in a row without a smaller torque, after which longer distances are tested if there is a doubt
-)
 CLEAR = 3.0  # least significance from move to move, without whitening [standard error]
-DOUBT = 1.0  # the same of a doubt [standard error]
+DOUBT = 0.5  # the same that is worth a test with whitening [standard error]
 FEWEST_MOVES = 4  # least number of moves for a test from move to move
 
 
@@ -52,7 +49,7 @@ def build_up(
     way, sense, middle = _ways(stretches, delay, seconds)
     moves = np.cumsum(np.diff(way, prepend=0.0) < 0.0)
     fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
-    within, quiet, error = 0.0, 0, None
+    within, error = 0.0, None
     for reach in (share * middle for share in SHARES):
         band = (way >= before) & (way < reach)
         before = reach
@@ -60,11 +57,10 @@ def build_up(
             error = sense * (fitted.y - fitted.X @ fit(replace(fitted, used=used)))
         surely = _from_move_to_move(error, used & band, moves)
         lags = surely < -CLEAR
-        if not lags and (quiet < QUIET or surely < -DOUBT) and np.count_nonzero(used & band) >= FEWEST:
+        if not (lags or surely > -DOUBT) and np.count_nonzero(used & band) >= FEWEST:
             lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
-        quiet += 1
         if lags:
-            used, within, quiet, error = raw.used & (way >= reach), reach, 0, None
+            used, within, error = raw.used & (way >= reach), reach, None
     return within
 
 
@@ -76,7 +72,7 @@ def after_build_up(stretches: Sequence[Signals], distance: float) -> list[Signal
 
 
 def _from_move_to_move(error: np.ndarray, band: np.ndarray, moves: np.ndarray) -> float:
-    """Return the mean error in a band, from move to move, by its standard error [-]; 0 with too few moves.
+    """Return the mean error in a band, from move to move, by its standard error [-]; NaN with too few moves.
 
     If friction builds up over several bins, their errors are correlated. Whitening would reverse the sign of all but the first.
 
@@ -88,7 +84,7 @@ def _from_move_to_move(error: np.ndarray, band: np.ndarray, moves: np.ndarray) -
     at = np.flatnonzero(band)
     count = np.bincount(moves[at])
     if np.count_nonzero(count) < FEWEST_MOVES:
-        return 0.0
+        return np.nan
     means = np.bincount(moves[at], error[at])[count > 0] / count[count > 0]
     return float(means.mean() / max(means.std(ddof=1) / np.sqrt(means.size), 1e-300))
 

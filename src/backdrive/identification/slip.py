@@ -104,7 +104,7 @@ def coarse_delay(stretches: Sequence[Signals]) -> float | None:
     Args:
         stretches: of one joint.
     """
-    means = residual_of([(s, s.torque, s.torque, True) for s in stretches])
+    means = residual_of([(s, s.torque, s.torque, True) for s in stretches], means_alone=True)
     shift = None if means is None else shift_of(means)
     return None if shift is None or abs(shift[0]) < LONG or shift[1] > WORTH else shift[0]
 

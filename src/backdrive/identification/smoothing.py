@@ -75,12 +75,14 @@ def _of_log(log: Log, cutoff: float | None, share: float) -> Smoothing:
     while cutoffs[-1] * FACTOR >= LOWEST:
         cutoffs.append(cutoffs[-1] * FACTOR)
     orders = 1 if log.position is None else 2
-    first = of_motion.in_acceleration(cutoffs[0], rate)
-    if first <= share**2 * (_accelerations(measured, cutoffs[:1], rate, orders)[0] - first):
+    about = _rough_acceleration(measured, of_motion, rate, cutoffs[0], orders)
+    if of_motion.in_acceleration(cutoffs[0], rate) <= share**2 * about:
         return found
     error = np.array([of_motion.in_acceleration(f, rate) for f in cutoffs])
     power = _accelerations(measured, cutoffs, rate, orders)
     signal = np.maximum(power - error, 0.0)
+    if error[0] <= share**2 * signal[0]:
+        return found
     clear = error <= CLEAR * power
     for limit, doubt in (((share, UNSURE),) if share < SHARE else ()) + ((SHARE, 0.0),):
         whole = float(np.max((signal - doubt * error)[clear], initial=0.0))
@@ -134,6 +136,29 @@ def _longest(log: Log) -> np.ndarray | None:
     part = max((good[rows] for rows in between_gaps(log.time[good], log.period, 1)), key=len)
     middle = max(0, (len(part) - LONGEST) // 2)
     return motion[part[middle : middle + LONGEST], 0]
+
+
+def _rough_acceleration(
+    measured: np.ndarray, error: MotionError, rate: float, cutoff: float, orders: int
+) -> float:
+    """Return about the mean square acceleration [rad^2/s^4 or m^2/s^4], from differences over some samples.
+
+    Args:
+        measured: positions [rad or m] or velocities [rad/s or m/s], (n,).
+        error: of them.
+        rate: sampling rate [Hz].
+        cutoff: of the low pass that the differences are to equal about [Hz].
+        orders: derivatives from what is measured to the acceleration [-].
+    """
+    lag = max(1, round(0.3 * rate / cutoff))
+    if measured.size <= 2 * lag:
+        return 0.0
+    before, after = measured[: -2 * lag], measured[2 * lag :]
+    change = after - 2.0 * measured[lag:-lag] + before if orders == 2 else 0.5 * (after - before)
+    noise = 6.0 if orders == 2 else 0.5  # white noise in the change, by its variance
+    if error.orders > orders:  # the velocity is a difference of noisy positions
+        noise *= 2.0 * rate**2
+    return (float(np.mean(change**2)) - noise * error.size**2) * (rate / lag) ** (2 * orders)
 
 
 def _accelerations(measured: np.ndarray, cutoffs: Sequence[float], rate: float, orders: int) -> np.ndarray:

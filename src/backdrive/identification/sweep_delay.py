@@ -167,7 +167,7 @@ def _with_shift(delay: float, error: float, every: Sequence[Signals]) -> tuple[f
 
     Friction that builds up over a distance lags too, so the shift must be long beside such friction.
     """
-    means = residual_of([(s, s.torque, s.torque, True) for s in every])
+    means = residual_of([(s, s.torque, s.torque, True) for s in every], means_alone=True)
     shift = None if means is None else lateness.delay(means)
     if means is None or shift is None:
         return None
