@@ -16,6 +16,7 @@ from backdrive.simulation import machine
 from backdrive.simulation.closed_loop import Scene, play
 from backdrive.simulation.hand import Hand, along, minimum_jerk, pushes, sine, still, strokes
 from backdrive.simulation.joint import JointSimulation
+from backdrive.simulation.kernel import COLUMNS
 from backdrive.simulation.machines import joint_0
 from backdrive.status import Status
 
@@ -24,6 +25,7 @@ T = 1e-3
 COARSE = 2e-5 if JIT else 5e-4
 SECONDS = 1.5 if JIT else 0.06
 HAND = Hand(stiffness=800.0, damping=40.0)
+LIMITS = {"off": np.inf, "on": 1e12}  # N
 
 
 def scene(dt=T, seconds=SECONDS, seed=1, **changes):
@@ -205,6 +207,29 @@ def test_one_kernel_for_each_kind_of_law_gives_the_same_numbers():
     each, together = play(scenes), play(scenes, one_kernel=True)
     assert all(same(a, b) for a, b in zip(each, together, strict=True))
     assert not same(each[0], each[1])
+
+
+def test_without_limits_the_loop_gives_what_an_endless_limit_gives():
+    """Guards that are off are not compiled; with one that is on, though out of reach, all of them are."""
+    s = scene()
+    n = len(s.motion.position)
+    readings, missed = np.zeros(n), np.arange(n) % 7 == 3
+    readings[n // 3 : n // 3 + 5] = np.nan
+    readings[n // 2] = np.inf
+    fault = faulty(n, readings, missed)
+    ways = {
+        name: s.loop.replace(top_speed=np.inf, patience=np.inf, limit=limit) for name, limit in LIMITS.items()
+    }
+    off, on = (play(s.replace(loop=loop, fault=fault)) for loop in ways.values())
+    assert {Status.OK, Status.NOT_FINITE, Status.LATE} <= set(off.status.tolist())
+    for name in COLUMNS:
+        assert np.array_equal(getattr(off, name), getattr(on, name), equal_nan=True), name
+
+
+def test_a_kernel_for_other_scenes_too_gives_the_same_numbers():
+    first = scene()
+    bare = first.replace(loop=BareLoop(compensator=alg_fc(first.plant.law.rate, 1.2e6)))
+    assert same(play(bare), play(bare, like=[first, first.replace(loop=None)]))
 
 
 def test_the_loop_is_the_one_that_a_robot_would_run():

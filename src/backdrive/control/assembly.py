@@ -8,14 +8,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from backdrive._assembly import assemble
-from backdrive.control import loop_kernel
+from backdrive.control import guard, loop_kernel, readings
 from backdrive.control.compensators import compensator as compensator_
 from backdrive.control.compensators import dither as dither_
 from backdrive.control.compensators.extras import DisturbanceObserver
 from backdrive.control.estimators import external as external_
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators.method import no_force, no_friction
-from backdrive.control.table import ESTIMATES, GROWS, LEARNS
+from backdrive.control.table import ESTIMATES, GROWS, LEARNS, LIMIT, PATIENCE, RAMP, RATE, TOP
 from backdrive.laws import kernels
 
 F = TypeVar("F", bound=Callable)
@@ -46,6 +46,8 @@ def of_joints(rows: Sequence[np.ndarray], sharing: bool = False) -> Callable[...
     parts[loop_kernel.__name__, "SHARING"] = estimating and sharing
     if not wide(C[:, compensator_.FRICTION + 1]) and not wide(E[:, external_.FRICTION + 1]):
         parts[kernels.__name__, "ROWS"] = 0
+    if np.isinf(table[:, (TOP, LIMIT, RATE, RAMP, PATIENCE)]).all():
+        parts[guard.__name__, "LIMITED"] = parts[readings.__name__, "LIMITED"] = False
     for name, column in (("ESTIMATING", ESTIMATES), ("GROWING", GROWS), ("LEARNING", LEARNS)):
         if not (table[:, column] > 0.0).any():
             parts[loop_kernel.__name__, name] = False

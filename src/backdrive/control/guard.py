@@ -103,6 +103,10 @@ def acknowledge(g: np.ndarray) -> bool:
     return True
 
 
+#: A joint may have a finite limit of any kind; without one, what is wanted is given.
+LIMITED = True
+
+
 @jit
 def act(g, code, good, wanted, since, interval):
     """Write the joint's output and return its status.
@@ -112,12 +116,13 @@ def act(g, code, good, wanted, since, interval):
     """
     passed, trips = g[PASSED], False
     if good:
-        if is_set(g[FAULTY]):
-            g[FAULTY] = max(g[FAULTY] - FORGIVEN * passed, 0.0)
-            trips = code != OK and g[FAULTY] > g[PATIENCE]
         g[BAD] = 0.0
-        if watch(g, since):
-            code, trips = OVERSPEED, True
+        if LIMITED:
+            if is_set(g[FAULTY]):
+                g[FAULTY] = max(g[FAULTY] - FORGIVEN * passed, 0.0)
+                trips = code != OK and g[FAULTY] > g[PATIENCE]
+            if watch(g, since):
+                code, trips = OVERSPEED, True
     else:
         g[FAULTY] += min(max(passed, interval), LONGEST * passed)  # `passed` where the interval is NaN
         fading = 1.0 + g[FADE] * passed if g[BAD] > 0.0 else 1.0  # a single bad reading changes no output
@@ -125,6 +130,9 @@ def act(g, code, good, wanted, since, interval):
         wanted = g[TORQUE] / fading
         g[EXTERNAL] /= fading
         trips = code == OVERSPEED or g[FAULTY] > g[PATIENCE]
+    if not LIMITED:
+        g[TORQUE] = wanted
+        return code
     out, limit, cap = g[TORQUE], g[LIMIT], g[CAP]
     if trips or is_set(g[CAUSE]) or is_set(g[STOP]):
         latched = g[CAUSE] > 0.0

@@ -52,6 +52,8 @@ SLOWEST, FASTEST = 20.0, 0.05  # accepted intervals relative to the nominal one
 LONGEST = 1.0  # largest time that a rejected interval counts for [s]
 BEHIND = 1.5  # interval relative to the nominal one above which a tick is late
 ALIKE = 2.0  # largest ratio of speeds at which two jumps count as one motion
+#: A joint may have a top speed; without one, every finite reading is possible.
+LIMITED = True
 
 
 @jit
@@ -126,6 +128,8 @@ def judge(c, s, ce, se, g, q, dt):
     others = (g[APPLIED] + g[KNOWN]) + (g[ERROR] + g[SLOPE]) + (g[MOTOR] + g[LOAD])
     if not np.isfinite(others + g[TEMPERATURE]):
         return NOT_FINITE
+    if not LIMITED:
+        return code if np.isfinite(q - g[BEFORE]) else NOT_FINITE
     if follows(c, s, ce, se, g, q, passed):  # first, since the old position comes within reach after a while
         return JUMP
     way = q - g[BEFORE]

@@ -147,7 +147,13 @@ class Record:
         )
 
 
-def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None, one_kernel: bool = False) -> Any:
+def play(
+    scenes: Scene | Sequence[Scene],
+    *,
+    workers: int | None = None,
+    one_kernel: bool = False,
+    like: Sequence[Scene] = (),
+) -> Any:
     """Simulate scenes and return their records.
 
     Args:
@@ -155,6 +161,7 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None, one_ker
         workers: threads; None: one a core. The numbers do not depend on it.
         one_kernel: compile one kernel for all scenes with the same kind of law instead of one for each kind of loop. That is
             faster for a few short scenes; the numbers are the same.
+        like: scenes that are not played, for whose parts the kernels are compiled too, so that several calls share one.
 
     Returns:
         A `Record`, or a list of them.
@@ -166,7 +173,11 @@ def play(scenes: Scene | Sequence[Scene], *, workers: int | None = None, one_ker
     keys = [kind_of(case) if one_kernel else k for k, case in enumerate(cases)]
     for key, case in zip(keys, cases, strict=True):
         groups.setdefault(key, []).append(case)
-    compiled = {key: kernel_of(*group) for key, group in groups.items()}
+    alike = [(scene, prepare(scene)[0]) for scene in like]
+    compiled = {
+        key: kernel_of(*group, *(case for case in alike if kind_of(case) == kind_of(group[0])))
+        for key, group in groups.items()
+    }
     kernels_of = [compiled[key] for key in keys]
 
     def work(first: int, last: int) -> None:

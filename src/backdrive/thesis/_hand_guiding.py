@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.control import BareLoop
-from backdrive.control.compensators import Compensator, Dither, alg_fc, nothing
+from backdrive.control.compensators import Compensator, Dither, alg_fc
 from backdrive.laws.base import Rate
 from backdrive.simulation.closed_loop import Record, Scene, play
 from backdrive.simulation.hand import Hand, strokes
@@ -69,7 +69,8 @@ class Guidance:
     def compensators(self) -> dict[str, Compensator]:
         """Return the five cases."""
         dither = Dither(share=self.dither)
-        made: dict[str, Compensator] = {"NC": nothing()}
+        # no share of the friction instead of no friction: one kernel for all
+        made: dict[str, Compensator] = {"NC": alg_fc(self.rate, self.stiffness, share=0.0)}
         for name, rate, wave in (
             ("C", 0.0, None), ("CD", 0.0, dither), ("P", DECAY, None), ("PD", DECAY, dither),
         ):  # fmt: skip

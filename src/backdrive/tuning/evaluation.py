@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import TypeVar
 
+from backdrive.control.compensators import Dither, alg_fc, alg_fc2
 from backdrive.simulation.closed_loop import Record, Scene, play
 
 AT_ONCE = 1_000_000  # ticks of records that are held in memory together
@@ -23,6 +25,17 @@ def evaluate(made: Iterable[Scene], value: Callable[[Record], Value]) -> list[Va
     for scene in made:
         batch.append(scene)
         if sum(len(s.motion.position) for s in batch) >= AT_ONCE:
-            values += map(value, play(batch))
+            values += map(value, play(batch, like=_whole(batch[0])))
             batch = []
-    return [*values, *map(value, play(batch))]
+    return [*values, *map(value, play(batch, like=_whole(batch[0]) if batch else ()))]
+
+
+def _whole(scene: Scene) -> list[Scene]:
+    """Return scenes with all that a tuning of a compensator tries, dither and a switched decay: one kernel serves all of it."""
+    loop = scene.loop
+    law = None if loop is None else loop.compensator.friction.law
+    if law is None or not law.element.states():
+        return []
+    dither = Dither(share=0.1, frequency=10.0)
+    all_of_it = alg_fc(law.rate, 1.0, dither=dither), alg_fc2(law.rate, 1.0, threshold=1.0, dither=dither)
+    return [replace(scene, loop=replace(loop, compensator=compensator)) for compensator in all_of_it]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.control import BareLoop
-from backdrive.control.compensators import Compensator, Dither, nothing
+from backdrive.control.compensators import Compensator, Dither
 from backdrive.tuning import members as members_
 from backdrive.tuning import rules, scenes
 from backdrive.tuning.evaluation import evaluate
@@ -118,7 +118,7 @@ def residual_break_away(
         return np.array(evaluate(made, lambda r: scenes.breakaway(r, stroke, facts.coulomb)))
 
     left = release_torque(compensator(facts, z, dither), members[:FEW])
-    bare = release_torque(nothing(), [members_.nominal(facts)])
+    bare = release_torque(compensator(facts, {**z, "share": 0.0}), [members_.nominal(facts)])
     return {
         "breakaway": float(left.mean()),
         "breakaway_worst": float(left.max()),
