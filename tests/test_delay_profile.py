@@ -6,7 +6,7 @@ import pytest
 from backdrive import Joint, Log
 from backdrive.identification import curves, design
 from backdrive.identification.delay_bins import DelayStretch
-from backdrive.identification.delay_profile import supported
+from backdrive.identification.delay_profile import refine_delay
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.signals import Signals
 
@@ -46,18 +46,18 @@ def spread(inertia: float = 0.3) -> float:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_delay_at_a_wrong_root_is_moved_to_the_minimum(seed):
-    delay, error = supported(stretches(seed), KNOTS, LINE, LATE + 0.0015, 2.0 * spread(), 0.0)
+    delay, error = refine_delay(stretches(seed), KNOTS, LINE, LATE + 0.0015, 2.0 * spread(), 0.0)
     assert abs(delay - LATE) < 4.0 * spread()
     assert error == 2.0 * spread()
 
 
 def test_an_error_that_is_too_small_is_enlarged_to_that_of_the_noise():
-    errors = [supported(stretches(seed), KNOTS, LINE, LATE, 0.3 * spread(), 0.0)[1] for seed in range(8)]
+    errors = [refine_delay(stretches(seed), KNOTS, LINE, LATE, 0.3 * spread(), 0.0)[1] for seed in range(8)]
     assert np.median(errors) == pytest.approx(spread(), rel=0.3)
 
 
 def test_a_delay_without_inertia_is_not_supported():
-    delay, error = supported(stretches(0, inertia=0.0), KNOTS, LINE, 0.01, 1e-4, 0.0)
+    delay, error = refine_delay(stretches(0, inertia=0.0), KNOTS, LINE, 0.01, 1e-4, 0.0)
     assert error > 20e-4 or abs(delay - LATE) < 3.0 * error
 
 

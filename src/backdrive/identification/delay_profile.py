@@ -24,7 +24,7 @@ AGREES = 0.25  # least curvature with which the standard error is kept, likewise
 NORMAL = 0.82  # rise of Huber's loss relative to that of the squares, with normal residuals [-]
 
 
-def supported(
+def refine_delay(
     stretches: Sequence[DelayStretch],
     knots: np.ndarray,
     candidate: design.Candidate,

@@ -15,7 +15,7 @@ import numpy as np
 
 from backdrive.identification import design, noise, regression
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
-from backdrive.identification.delay_profile import CENTRED, ROUGHLY, supported
+from backdrive.identification.delay_profile import CENTRED, ROUGHLY, refine_delay
 from backdrive.identification.lateness import delay as shift_of
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
@@ -150,7 +150,7 @@ def search_slip(
         clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.correlation)
         slip, centred = min((slip, CENTRED), (clear, ROUGHLY), key=lambda one: one[0].error)
     if slip.is_known and slip.correlation > COLOURED:
-        delay, error = supported(some, knots, candidate, slip.delay, slip.error, slip.correlation, centred)
+        delay, error = refine_delay(some, knots, candidate, slip.delay, slip.error, slip.correlation, centred)
         slip = replace(slip, delay=delay, error=error)
     return slip, coarse, stretches
 
