@@ -33,9 +33,9 @@ def evaluate(made: Iterable[Scene], value: Callable[[Record], Value]) -> list[Va
 def _whole(scene: Scene) -> list[Scene]:
     """Return scenes with all that a tuning of a compensator tries, dither and a switched decay: one kernel serves all of it."""
     loop = scene.loop
-    law = None if loop is None else loop.compensator.friction.law
-    if law is None or not law.element.states():
+    if loop is None or not loop.compensator.friction.law.element.states():
         return []
+    law = loop.compensator.friction.law
     dither = Dither(share=0.1, frequency=10.0)
     all_of_it = alg_fc(law.rate, 1.0, dither=dither), alg_fc2(law.rate, 1.0, threshold=1.0, dither=dither)
     return [replace(scene, loop=replace(loop, compensator=compensator)) for compensator in all_of_it]
