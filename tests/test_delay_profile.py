@@ -6,7 +6,7 @@ import pytest
 from backdrive import Joint, Log
 from backdrive.identification import curves, design
 from backdrive.identification.delay_bins import DelayStretch
-from backdrive.identification.delay_profile import refine_delay
+from backdrive.identification.delay_profile import _losses, refine_delay
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.signals import Signals
 
@@ -59,6 +59,12 @@ def test_an_error_that_is_too_small_is_enlarged_to_that_of_the_noise():
 def test_a_delay_without_inertia_is_not_supported():
     delay, error = refine_delay(stretches(0, inertia=0.0), KNOTS, LINE, 0.01, 1e-4, 0.0)
     assert error > 20e-4 or abs(delay - LATE) < 3.0 * error
+
+
+def test_without_noise_a_delay_is_not_supported():
+    assert _losses(stretches(0), KNOTS, LINE, np.full(3, LATE), 0.0).shape == (3,)
+    silent = [each.with_sliding(np.zeros(T.size, dtype=bool)) for each in stretches(0)]
+    assert refine_delay(silent, KNOTS, LINE, LATE, 1e-4, 0.0) == (LATE, np.inf)
 
 
 @pytest.mark.parametrize("late", [0.002, 0.005, 0.008])

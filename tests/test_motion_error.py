@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from backdrive import Joint, Log, identify
-from backdrive.identification.motion_error import MotionError, motion_error
+from backdrive.identification.motion_error import MotionError, mean_error, motion_error
 from backdrive.identification.smoothing import smoothing
 from backdrive.logs.filters import low_pass
 
@@ -64,6 +64,33 @@ def test_rounding_is_taken_as_rounding_and_a_clean_motion_as_clean():
     assert (error.size, error.step) == pytest.approx((1e-4 / 12.0**0.5, 1e-4))
     assert error_of(log(step=1e-5, position=1e-4)).size == pytest.approx(1e-4, rel=0.1)
     assert error_of(log()).size < 1e-12
+
+
+def test_a_velocity_from_rounded_positions_has_their_steps():
+    error = error_of(log(step=1e-3, differenced=True))
+    assert error.orders == 2
+    assert (error.size, error.step) == pytest.approx((1e-3 / 12.0**0.5, 1e-3), rel=0.1)
+
+
+@pytest.mark.parametrize("share", [0.005, 0.05])
+def test_lost_samples_are_no_noise(share):
+    """A position goes on across a gap. Side by side, the samples looked noisy, and the inertia was up to twice as large."""
+    one = log(2)
+    kept = np.random.default_rng(0).random(len(one)) > share
+    assert smoothing([one.rows(np.flatnonzero(kept))], "j").error.size < 1e-6
+
+
+def test_the_error_of_a_log_that_is_held_out_does_not_count():
+    calm, wild = log(1), log(2, position=1e-3)
+    both = smoothing([calm], "j", held_out=[wild])
+    assert both.error.size < 1e-12 and both.cutoff == smoothing([wild], "j").cutoff
+    assert smoothing([calm, wild], "j").error.size == pytest.approx(1e-3 / 2.0**0.5, rel=0.1)
+
+
+def test_positions_and_velocities_have_the_error_of_the_kind_with_more_samples():
+    few, many = MotionError(size=1.0, orders=1), MotionError(size=0.1)
+    assert mean_error([few, many, many], [10, 6, 6]) == many
+    assert mean_error([], []) == MotionError()
 
 
 @pytest.mark.parametrize("orders", [1, 2])

@@ -46,9 +46,10 @@ def refine_delay(
     """
     apart = error
     for _ in range(ROUNDS):
-        low, middle, high = _losses(
-            stretches, knots, candidate, delay + APART * apart * np.array([-1.0, 0.0, 1.0]), correlation
-        )
+        delays = delay + APART * apart * np.array([-1.0, 0.0, 1.0])
+        low, middle, high = _losses(stretches, knots, candidate, delays, correlation)
+        if not np.isfinite(low + middle + high):
+            break  # without noise
         curvature = (low + high - 2.0 * middle) / (2.0 * APART**2 * NORMAL)
         off = (low - high) / (4.0 * APART * NORMAL * max(curvature, FLAT))
         if curvature > FLAT and abs(off) <= centred:
@@ -67,7 +68,7 @@ def _losses(
     delays: np.ndarray,
     correlation: float,
 ) -> np.ndarray:
-    """Return Huber's loss of fits with some delays [s], by the variance of the noise, (k,)."""
+    """Return Huber's loss of fits with some delays [s], by the variance of the noise, (k,); NaN without noise."""
     each = [bins_at_delay(stretches, delay, knots, candidate) for delay in delays]
     used = np.logical_and.reduce([bins.used for bins in each])
     residuals, theta = [], None
@@ -76,9 +77,8 @@ def _losses(
         theta = regression.robust_solution(whitened.X, whitened.y, whitened.used.astype(float), start=theta)
         residuals.append((whitened.y - whitened.X @ theta)[whitened.used])
     spread = min(regression.robust_spread(residual) for residual in residuals)
-    inside = regression.HUBER * spread
-    sizes = [np.abs(residual) for residual in residuals]
-    return (
-        np.array([np.sum(np.where(x < inside, x * x, 2.0 * inside * x - inside**2)) for x in sizes])
-        / spread**2
-    )
+    if not spread > 0.0:
+        return np.full(len(each), np.nan)
+    sizes = [np.abs(residual) / spread for residual in residuals]
+    inside = regression.HUBER
+    return np.array([np.sum(np.where(x < inside, x * x, 2.0 * inside * x - inside**2)) for x in sizes])

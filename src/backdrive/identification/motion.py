@@ -92,7 +92,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         InvalidInput: a log holds no torque.
         NotIdentifiable: the motion does not determine a curve.
     """
-    smooth = smoothing([*logs, *held_out], joint, cutoff)
+    smooth = smoothing(logs, joint, cutoff, held_out=held_out)
     stretches = [s for log in logs for s in prepare(log, joint, cutoff=smooth.cutoff)]
     about = logs[0].joints[logs[0].column(joint)]
     speeds = np.concatenate([s.velocity[s.moving] for s in stretches])

@@ -8,6 +8,7 @@ positions' noise is returned.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,9 +96,29 @@ def motion_error(log: Log, measured: np.ndarray, rate: float) -> MotionError:
         return MotionError(size=size) if size > MORE * rounding.size else rounding
     step = channel_step(log, "velocity", 0)
     size, of_positions = _noise(measured, velocity=True)
-    if size <= MORE * step / 12.0**0.5:
-        return MotionError(size=step / 12.0**0.5, orders=1, step=step)
-    return MotionError(size=size / rate) if of_positions else MotionError(size=size, orders=1)
+    per, orders = (rate, 2) if of_positions else (1.0, 1)
+    if size > MORE * step / 12.0**0.5:
+        return MotionError(size=size / per, orders=orders)
+    return MotionError(size=step / 12.0**0.5 / per, orders=orders, step=step / per)
+
+
+def mean_error(errors: Sequence[MotionError], samples: Sequence[int]) -> MotionError:
+    """Return one error with the mean square of several logs'; if positions and velocities differ, of the kind with more samples.
+
+    Args:
+        errors: of each log.
+        samples: number of samples of each log.
+    """
+    count = {
+        orders: sum(n for e, n in zip(errors, samples, strict=True) if e.orders == orders)
+        for orders in (2, 1)
+    }
+    orders = max(count, key=lambda key: count[key])
+    if not count[orders]:
+        return MotionError()
+    alike = [(e, n) for e, n in zip(errors, samples, strict=True) if e.orders == orders]
+    size = float(np.sqrt(sum(n * e.size**2 for e, n in alike) / count[orders]))
+    return MotionError(size=size, orders=orders, step=max(e.step for e, _ in alike))
 
 
 def _noise(x: np.ndarray, velocity: bool = False) -> tuple[float, bool]:

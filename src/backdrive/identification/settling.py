@@ -46,8 +46,7 @@ def build_up(
         correlation: of the noise of neighbouring bins [-].
         seconds: of the bins [s].
     """
-    way, sense, middle = _ways(stretches, delay, seconds)
-    moves = np.cumsum(np.diff(way, prepend=0.0) < 0.0)
+    way, sense, moves, middle = _ways(stretches, delay, seconds)
     fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
     within, error = 0.0, None
     for reach in (share * middle for share in SHARES):
@@ -111,14 +110,21 @@ def _lags(
     return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1])), theta
 
 
-def _ways(stretches: Sequence[Signals], delay: float, seconds: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return distance since the last reversal and direction of each bin, (n,), and the median distance between reversals."""
-    ways, senses, middles = [], [], []
+def _ways(
+    stretches: Sequence[Signals], delay: float, seconds: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return the distance since the last reversal, the direction and the number of the move of each bin, (n,) each, and the
+    median distance between reversals.
+    """
+    ways, senses, moves, middles = [], [], [], []
+    count = 0
     for s in stretches:
-        width, count = bin_size(s, seconds)
+        width, size = bin_size(s, seconds)
         velocity = earlier(s.velocity, delay * s.rate)
         way, middle = since_reversal(velocity, s.rate)
-        ways.append(way[: count * width].reshape(count, width).min(axis=1))
+        ways.append(way[: size * width].reshape(size, width).min(axis=1))
         senses.append(filters.means(np.sign(velocity), width))
+        moves.append(count + np.cumsum(np.diff(ways[-1], prepend=0.0) < 0.0))
+        count = 1 + int(moves[-1].max(initial=count))
         middles.append(middle)
-    return np.concatenate(ways), np.concatenate(senses), float(np.median(middles))
+    return np.concatenate(ways), np.concatenate(senses), np.concatenate(moves), float(np.median(middles))

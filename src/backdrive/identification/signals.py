@@ -157,7 +157,7 @@ def _finite(log: Log) -> Log:
     return log if good.all() else log.rows(good)
 
 
-def _uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
+def uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
     """Return a uniform clock, and the log interpolated onto it if its own clock is not uniform."""
     n = round(log.duration / period) + 1
     clock = log.time[0] + period * np.arange(n)
@@ -168,7 +168,7 @@ def _uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
 
 
 def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signals:
-    clock, log = _uniform(log, period)
+    clock, log = uniform(log, period)
     rate = 1.0 / period
     cutoff = cutoff or default_cutoff(rate)
     if log.position is not None:

@@ -227,7 +227,7 @@ def seek_slip(
 
 
 def _moments(bins: Bins, jerk: int) -> float:
-    """Return the effective number of bins that tell the delay [-].
+    """Return the effective number of bins that tell the delay, at least 1 [-].
 
     A jump of the acceleration between two samples looks alike wherever between them it is. A delay that few jumps tell is
     uncertain by a part of the sampling interval.
@@ -235,7 +235,7 @@ def _moments(bins: Bins, jerk: int) -> float:
     X = bins.X[bins.used]
     others = np.delete(X, jerk, axis=1)
     told = (X[:, jerk] - others @ regression.solve(others.T @ others, others.T @ X[:, jerk])) ** 2
-    return float(told.sum() ** 2 / max((told**2).sum(), 1e-300))
+    return max(float(told.sum() ** 2 / max((told**2).sum(), 1e-300)), 1.0)
 
 
 def _next(tried: list[tuple[float, float]], lever: float) -> tuple[float, float, bool]:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from backdrive.identification.motion_error import MotionError, motion_error
-from backdrive.identification.signals import between_gaps, default_cutoff
+from backdrive.identification.motion_error import MotionError, mean_error, motion_error
+from backdrive.identification.signals import between_gaps, default_cutoff, uniform
 from backdrive.logs.filters import fade, fft_length, power_gain, spectrum_of
 from backdrive.logs.log import Log
 
@@ -35,7 +35,7 @@ class Smoothing:
         cutoff: cutoff frequency [Hz]; None: the default.
         note: reason for a lower cutoff frequency than the default, in a sentence; empty otherwise.
         warning: a sentence on errors that no cutoff removes; empty if there are none.
-        error: white error of the measured motion.
+        error: white error of the measured motion, of the logs that are fitted.
     """
 
     cutoff: float | None = None
@@ -45,21 +45,26 @@ class Smoothing:
 
 
 def smoothing(
-    logs: Sequence[Log], joint: str, cutoff: float | None = None, share: float = SHARE
+    logs: Sequence[Log],
+    joint: str,
+    cutoff: float | None = None,
+    share: float = SHARE,
+    held_out: Sequence[Log] = (),
 ) -> Smoothing:
     """Return the low pass for a fit of one joint.
 
     Args:
         logs: logs of the joint.
         joint: name.
-        cutoff: given by the user [Hz]; None: from sampling rate and encoder.
-        share: largest RMS encoder error, relative to the RMS acceleration, if the motion allows it [-].
+        cutoff: given by the user [Hz]; None: from sampling rate and white error.
+        share: largest RMS error, relative to the RMS acceleration, if the motion allows it [-].
+        held_out: further logs that are to be low-passed alike.
     """
-    each = [_of_log(log.select(joint), cutoff, share) for log in logs]
+    each = [_of_log(log.select(joint), cutoff, share) for log in (*logs, *held_out)]
     lowest = min(each, key=lambda one: one.cutoff or np.inf, default=Smoothing())
-    return replace(
-        lowest, error=max((one.error for one in each), key=lambda error: error.size, default=MotionError())
-    )
+    error = mean_error([one.error for one in each[: len(logs)]], [len(log) for log in logs])
+    warning = lowest.warning or next((one.warning for one in each if one.warning), "")
+    return replace(lowest, error=error, warning=warning)
 
 
 def _of_log(log: Log, cutoff: float | None, share: float) -> Smoothing:
@@ -114,9 +119,9 @@ def _words(error: MotionError, log: Log) -> tuple[str, str]:
         if error.step:
             return f"encoder steps of {error.step:.2g} {unit}", "encoder is too coarse"
         return f"noise of the position of {error.size:.2g} {unit}", "position is too noisy"
-    if error.step:
-        return f"steps of the velocity of {error.step:.2g} {unit}/s", "velocity is too coarse"
     of = f"{unit}/s" if error.orders == 1 else f"{unit} in the positions that it was computed from"
+    if error.step:
+        return f"steps of the velocity of {error.step:.2g} {of}", "velocity is too coarse"
     return f"noise of the velocity of {error.size:.2g} {of}", "velocity is too noisy"
 
 
@@ -135,7 +140,10 @@ def _longest(log: Log) -> np.ndarray | None:
         return None
     part = max((good[rows] for rows in between_gaps(log.time[good], log.period, 1)), key=len)
     middle = max(0, (len(part) - LONGEST) // 2)
-    return motion[part[middle : middle + LONGEST], 0]
+    part = part[middle : middle + LONGEST]
+    _, along = uniform(log.rows(part), log.period)  # a lost sample is no jump of the position
+    motion = along.velocity if along.position is None else along.position
+    return None if motion is None else motion[:, 0]
 
 
 def _rough_acceleration(

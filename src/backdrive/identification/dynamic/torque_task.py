@@ -70,7 +70,7 @@ class TorqueTask(Task):
             lookup(term, dict.fromkeys((*RIGID, "delay"), 0), "number that a fit of torque takes as known")
         self.options, self.logs = options, logs
         info = self.info = logs[0].joints[logs[0].column(name)]
-        smooth = smoothing([*logs, *held_out], name, options.cutoff, FINE)
+        smooth = smoothing(logs, name, options.cutoff, FINE, held_out)
         self.cutoff = smooth.cutoff
         self.remarks = (smooth.warning,) if smooth.warning else ()
         self.notes = (f"{name}: {smooth.note}",) if smooth.note else ()
