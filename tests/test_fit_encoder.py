@@ -3,19 +3,15 @@
 import numpy as np
 import pytest
 
+from _sines import sines
 from backdrive import Log, identify
 from backdrive.identification.smoothing import FINE, SHARE, smoothing
 
 
 def log(seed, step=1e-5, seconds=12.0, noise=0.05):
     """Three sines under Coulomb and viscous friction, no delay; rounded to an encoder's steps."""
-    rng, t = np.random.default_rng(seed), np.arange(round(1000 * seconds)) / 1000.0
-    q, v, a = np.zeros((3, t.size))
-    for hertz, size in ((0.11, 0.9), (0.31, 0.4), (0.83, 0.1)):
-        w, phase = 2.0 * np.pi * hertz, rng.uniform(0.0, 2.0 * np.pi)
-        q += size * np.sin(w * t + phase)
-        v += size * w * np.cos(w * t + phase)
-        a -= size * w * w * np.sin(w * t + phase)
+    rng = np.random.default_rng(seed)
+    t, q, v, a = sines(rng, seconds)
     tau = 0.15 * a + 1.5 * np.sign(v) + 0.8 * v + noise * rng.standard_normal(t.size)
     return Log.from_arrays(time=t, position=np.round(q / step) * step, torque=tau)
 

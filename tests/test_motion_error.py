@@ -3,31 +3,19 @@
 import numpy as np
 import pytest
 
+from _sines import RATE, sines
 from backdrive import Joint, Log, identify
 from backdrive.identification.motion_error import MotionError, mean_error, motion_error
 from backdrive.identification.smoothing import smoothing
 from backdrive.logs.filters import low_pass
 
-RATE = 1000.0
 INERTIA = 0.15
-
-
-def sines(seed=0, seconds=12.0):
-    """Return time, position, velocity and acceleration of three sines."""
-    rng, t = np.random.default_rng(seed), np.arange(round(RATE * seconds)) / RATE
-    q, v, a = np.zeros((3, t.size))
-    for hertz, size in ((0.11, 0.9), (0.31, 0.4), (0.83, 0.1)):
-        w, phase = 2.0 * np.pi * hertz, rng.uniform(0.0, 2.0 * np.pi)
-        q += size * np.sin(w * t + phase)
-        v += size * w * np.cos(w * t + phase)
-        a -= size * w * w * np.sin(w * t + phase)
-    return t, q, v, a
 
 
 def log(seed=0, *, position=0.0, velocity=None, step=0.0, differenced=False):
     """Return a log under Coulomb and viscous friction, with noise of the motion."""
     rng = np.random.default_rng(100 + seed)
-    t, q, v, a = sines(seed)
+    t, q, v, a = sines(np.random.default_rng(seed), 12.0)
     tau = INERTIA * a + 1.5 * np.sign(v) + 0.8 * v + 0.05 * rng.standard_normal(t.size)
     read = q + position * rng.standard_normal(t.size)
     read = np.round(read / step) * step if step else read
@@ -125,7 +113,7 @@ def test_noise_of_the_motion_does_not_draw_the_inertia_to_zero(noise, law):
 
 
 def test_a_sensor_that_is_too_noisy_for_the_motion_is_named():
-    q = sines()[1]
+    q = sines(np.random.default_rng(0), 12.0)[1]
     one = log(position=3e-3)
     still = one.replace(position=0.02 * q[:, None] + one.position - q[:, None])
     assert "position is too noisy" in smoothing([still], "j").warning
