@@ -79,6 +79,6 @@ def _losses(
     spread = min(regression.robust_spread(residual) for residual in residuals)
     if not spread > 0.0:
         return np.full(len(each), np.nan)
-    sizes = [np.abs(residual) / spread for residual in residuals]
-    inside = regression.HUBER
-    return np.array([np.sum(np.where(x < inside, x * x, 2.0 * inside * x - inside**2)) for x in sizes])
+    return np.array(
+        [np.sum(regression.huber_loss(np.abs(residual) / spread, regression.HUBER)) for residual in residuals]
+    )

@@ -130,6 +130,16 @@ def _spread_of(size: np.ndarray) -> float:
     return 1.4826 * (first if size.size % 2 else 0.5 * (first + second))
 
 
+def huber_loss(size: np.ndarray, width: float) -> np.ndarray:
+    """Return Huber's loss: the square, and beyond a width the line that continues it [square of the residual's unit].
+
+    Args:
+        size: magnitude of the residual, (...).
+        width: above which the loss is a line [unit of the residual].
+    """
+    return np.where(size <= width, size**2, 2.0 * width * size - width**2)
+
+
 def huber_weights(residual: np.ndarray, width: float | np.ndarray) -> np.ndarray:
     """Return Huber's weights [-].
 

@@ -24,7 +24,7 @@ CHUNK = 4_000_000  # largest number of residuals in one batch
 LOSSES: dict[str, Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
     "linear": lambda z: (z**2, np.ones_like(z)),
     "huber": lambda z: (
-        np.where(z <= HUBER, z**2, 2 * HUBER * z - HUBER**2),
+        regression.huber_loss(z, HUBER),
         np.where(z <= HUBER, 1.0, HUBER / np.maximum(z, HUBER)),
     ),
     "absolute": lambda z: (2 * z, 1.0 / np.maximum(z, 0.3)),
