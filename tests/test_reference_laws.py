@@ -494,7 +494,7 @@ def test_slipping_elements_are_attracted_by_the_rate_law_at_their_own_pace():
 def test_an_elements_state_and_advice_are_counted():
     counts = {
         "none": 0, "dead-zone": 0, "dahl": 1, "bliman-sorine": 2, "reset-integrator": 1, "lugre": 1, "elastoplastic": 1,
-        "hayward-armstrong": 1, "visco-elastoplastic": 3, "xiong-kikuuwe": 3, "xiong-kikuuwe-multi": 5, "decaying": 1,
+        "hayward-armstrong": 1, "visco-elastoplastic": 1, "xiong-kikuuwe": 3, "xiong-kikuuwe-multi": 5, "decaying": 1,
         "maxwell-slip": 3, "leuven": 3, "gms": 6, "smoothed-maxwell-slip": 3,
     }  # fmt: skip
     assert {name: e.states() for name, e in ELEMENT_EXAMPLES.items()} == counts

@@ -26,7 +26,7 @@ from backdrive.laws.elements.maxwell_slip import MaxwellSlip as MaxwellSlip
 from backdrive.laws.elements.none import Rigid as Rigid
 from backdrive.laws.elements.reset_integrator import ResetIntegrator as ResetIntegrator
 from backdrive.laws.elements.smoothed_maxwell_slip import SmoothedMaxwellSlip as SmoothedMaxwellSlip
-from backdrive.laws.elements.xiong_kikuuwe import ViscoElastoplastic as ViscoElastoplastic
+from backdrive.laws.elements.visco_elastoplastic import ViscoElastoplastic as ViscoElastoplastic
 from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuwe as XiongKikuuwe
 from backdrive.laws.elements.xiong_kikuuwe import XiongKikuuweMulti as XiongKikuuweMulti
 from backdrive.laws.growth import MARK, pairs

@@ -206,7 +206,9 @@ def _balance(  # noqa: PLR0912  (a kernel calls little; its row)
         lo, hi, _ = limits(rate, p, 0.0, load, temp)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
             return 0.0, False, 0.0
-    toward, close = 1.0 if v_free > 0.0 else -1.0, 0.0
+    toward, close = 1.0, 0.0  # at rest any direction serves; a fixed one does not wait for v_free
+    if HOLDS and HOLDS >> element & 1 and not v_free > 0.0:
+        toward = -1.0
     # a: a speed at which friction is too weak; b: a speed at which it is too strong, infinite until one is known
     a, excess_a, b, excess_b = 0.0, 0.0, np.inf, np.inf
     speed, growth_of_b, side = 0.0, 2.0, 0

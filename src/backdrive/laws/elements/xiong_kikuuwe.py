@@ -1,17 +1,12 @@
-"""Visco-elastoplastic contact: a damped spring in series with a Coulomb slider; also several in parallel, and with lag.
+"""Damped springs in series with Coulomb sliders as differential equations: one or several side by side, under lagging bounds.
 
     f_i = clip(K_i a_i + B_i v, -w_i g_n, w_i g_p),   a_i' = (f_i - K_i a_i)/B_i,   tau_f = sum f_i + viscous(v)
     t_d g' = s(v) - g     (g = s(v) where t_d = 0),   sum w_i = 1
 
 K_i: stiffness [N.m/rad or N/m], B_i: damping [N.m.s/rad or N.s/m], a_i: stretch, w_i: share of the bound s(v) of the rate law. t_d:
-time by which the bound lags behind the velocity [s]. Each element solves the inclusion f = K a + B a' in F sgn(v - a'). The
-equations above need no set, because y in F sgn(x - y) means y = clip(x, -F, F). The backward Euler step is
-f = clip(K (a + dp) + B dp/dt), then a = (a B + f dt)/(B + K dt).
-
-One element is the model of R. Kikuuwe, N. Takesue, A. Sano, H. Mochiyama, H. Fujimoto, IEEE TRO 22(6), 2006. As an ordinary
-differential equation (B > 0) it is that of X. Xiong, R. Kikuuwe, M. Yamamoto, J. Applied Mathematics 2013, 320276. The
-backward Euler steps of both are identical to the last bit. Several elements with lag form their multistate model, Tribology
-Letters 51(3), 2013.
+time by which the bound lags behind the velocity [s]. The step of each is that of `visco-elastoplastic`: as an ordinary differential
+equation (B > 0) that model is the one of X. Xiong, R. Kikuuwe, M. Yamamoto, J. Applied Mathematics 2013, 320276. The backward Euler
+steps of both are identical to the last bit. Several elements with lag form their multistate model, Tribology Letters 51(3), 2013.
 """
 
 from __future__ import annotations
@@ -25,18 +20,8 @@ from backdrive._jit import leaf
 from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
-from backdrive.laws.elements.hayward_armstrong import clip_torque
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
-
-ROBOT = "a 7-joint robot simulated with one such element per joint: K = 5000 N.m/rad, B/K = 10 ms"
-
-
-@leaf
-def section(f: float, k: float, w: float, beta: float, lo: float, hi: float, dp: float, dt: float):
-    """Spring torque and torque of one element after a tick."""
-    pull = k * dp
-    total = clip_torque(f + pull + beta * (pull / dt), w * lo, w * hi)
-    return (beta * f + dt * total) / (beta + dt), total
+from backdrive.laws.elements.visco_elastoplastic import ROBOT, ViscoElastoplastic, section
 
 
 @leaf
@@ -60,50 +45,8 @@ def step(p: Array, e: int, x: Array, y: Array, lo: float, hi: float, dp: float, 
     return total
 
 
-DAMPING = Parameter(
-    symbol="B",
-    unit="force.s/length",
-    lower=0.0,
-    typical=50.0,
-    source=ROBOT,
-    log=True,
-    start=lambda d: 0.2 * d.stiffness * d.lag,
-)
-
-
 @dataclass(frozen=True, kw_only=True)
-class ViscoElastoplastic(Element):
-    """A damped spring in series with a Coulomb slider.
-
-    Attributes:
-        stiffness: K [N.m/rad or N/m].
-        damping: B [N.m.s/rad or N.s/m].
-    """
-
-    NAME: ClassVar[str] = "visco-elastoplastic"
-    KIND: ClassVar[int] = 8
-    STATE_ROW: ClassVar[bool] = True
-    PARAMETERS: ClassVar[dict[str, Parameter]] = {"stiffness": STIFFNESS, "damping": DAMPING}
-    EXAMPLE: ClassVar[dict[str, Any]] = dict(stiffness=1e4, damping=20.0)
-    CLAIMS: ClassVar[tuple[str, ...]] = (
-        "Vibration below break-away does not drift.",
-        "No motion from rest gets work out of it.",
-    )
-
-    stiffness: float
-    damping: float = 0.0
-
-    def row(self) -> np.ndarray:
-        """Return [1, K, 1, B/K, 0]."""
-        return np.array([1.0, self.stiffness, 1.0, self.damping / self.stiffness, 0.0])
-
-    def states(self) -> int:
-        """Return 3: the spring's torque and the two bounds, which do not lag."""
-        return 3
-
-
-@dataclass(frozen=True, kw_only=True)
-class XiongKikuuwe(ViscoElastoplastic):
+class XiongKikuuwe(Element):
     """A damped spring in series with a Coulomb slider, as an ordinary differential equation.
 
     Attributes:
@@ -113,6 +56,8 @@ class XiongKikuuwe(ViscoElastoplastic):
     """
 
     NAME: ClassVar[str] = "xiong-kikuuwe"
+    KIND: ClassVar[int] = 14
+    STATE_ROW: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "stiffness": STIFFNESS,
         "damping": Parameter(
@@ -128,8 +73,13 @@ class XiongKikuuwe(ViscoElastoplastic):
     }
     EXAMPLE: ClassVar[dict[str, Any]] = dict(**ViscoElastoplastic.EXAMPLE, lag=0.003)
 
+    stiffness: float
     damping: float = 1.0
     lag: float = 0.0
+
+    def states(self) -> int:
+        """Return 3: the spring's torque and the two bounds."""
+        return 3
 
     def row(self) -> np.ndarray:
         """Return [1, K, 1, B/K, t_d]."""
@@ -148,7 +98,7 @@ class XiongKikuuweMulti(Parallel):
     """
 
     NAME: ClassVar[str] = "xiong-kikuuwe-multi"
-    KIND: ClassVar[int] = 8
+    KIND: ClassVar[int] = 14
     PARAMETERS: ClassVar[dict[str, Parameter]] = MANY | {
         "damping_time": Parameter(
             symbol="B/K", unit="s", lower=0.0, upper=10.0, typical=0.01, source=ROBOT, log=True, start=0.002
