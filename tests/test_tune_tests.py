@@ -1,5 +1,6 @@
 """Tests of numbers end with the first failure, and parts of a score share the scenes they are read from."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,6 +25,7 @@ def played(monkeypatch):
 
     monkeypatch.setattr(goals, "evaluate", evaluate)
     monkeypatch.setattr(safety, "evaluate", evaluate)
+    monkeypatch.setattr(safety, "energy", lambda record: -record)
     return every
 
 
@@ -55,11 +57,28 @@ def test_a_joint_that_does_not_rest_ends_the_test(played):
 
 
 def test_the_whole_test_ends_with_its_first_failure(played):
-    trials = [(0.1, 1.0)] * 20 + [(0.6, 2.0)] + [(0.1, 1.0)] * 100
+    trials = [
+        *((0.1 + 1e-3 * i, 1.0) for i in range(20)),
+        (0.6, 2.0),
+        *((0.2 + 1e-3 * i, 1.0) for i in range(100)),
+    ]
     assert not safety.rests(goal(), {"share": 1.0}, trials)
     assert len(played) == 2 * safety.AT_ONCE
     assert safety.rests(goal(), {"share": 0.5}, trials)
     assert safety.restless(goal(), {"share": 1.0}, trials) == [(0.6, 2.0)]
+
+
+def test_a_trial_is_played_once(played):
+    one, z = goal(), {"share": 0.5}
+    trials = [(0.2, 1.0), (0.4, 1.0), (0.2, 1.0), (0.2, 2.0)]
+    first = safety.play_trials(one, z, trials)
+    assert first.tolist() == [[0.1, -0.1], [0.2, -0.2], [0.1, -0.1], [0.2, -0.2]] and len(played) == 3
+    assert safety.play_trials(one, z, trials[::-1]).tolist() == first[::-1].tolist() and len(played) == 3
+    safety.play_trials(one, z, trials[:1], longest=1e-4)  # another step, other numbers, another goal
+    safety.play_trials(one, {"share": 0.6}, trials[:1])
+    safety.play_trials(replace(one, unrest=lambda record: 2.0 * record), z, trials[:1])
+    assert len(played) == 6
+    assert safety.play_trials(one, z, []).shape == (0, 2)
 
 
 def test_the_best_of_those_that_rest_is_found_by_few_tests(played):

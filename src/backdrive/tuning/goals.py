@@ -9,7 +9,7 @@ over the ends of the intervals, which is the same for all proposals.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
@@ -119,6 +119,7 @@ class Goal:
         words: description of the score.
         unit: of the score.
         calming: factors on numbers that calm a restless joint; the ways are tried one after the other.
+        played: results of the safety test by numbers, joint and step (`safety.play_trials`).
     """
 
     name: str
@@ -133,6 +134,7 @@ class Goal:
     words: str
     unit: str
     calming: Sequence[Numbers]
+    played: dict[Any, tuple[float, float]] = field(default_factory=dict, init=False, repr=False)
 
     def scores(self, many: Sequence[Numbers]) -> np.ndarray:
         """Return the score of each set of numbers, (n,)."""

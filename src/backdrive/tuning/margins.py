@@ -16,7 +16,7 @@ from backdrive.tuning.evaluation import evaluate
 from backdrive.tuning.facts import Facts
 from backdrive.tuning.goals import AT_REST, Goal, Numbers, compensator
 from backdrive.tuning.members import Member
-from backdrive.tuning.safety import ends
+from backdrive.tuning.safety import ends, play_trials
 from backdrive.tuning.scenes import Stroke
 
 SHARES = (0.5, 0.6, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05)
@@ -69,12 +69,8 @@ def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> 
         members: joints, some hundred.
         goal: the goal, whose safety test defines a failure.
     """
-    loop = BareLoop(compensator=compensator(facts, z))
-    knocked = evaluate(
-        (scenes.knock(facts, m, loop, scenes.FINE) for m in members),
-        lambda r: (scenes.amplitude(r), scenes.energy(r)),
-    )
-    cycles = np.array([amplitude for amplitude, _ in knocked])
+    unrests, energies = play_trials(goal, z, [(m, 1.0) for m in members]).T
+    cycles = unrests * AT_REST * facts.count
     bounds = np.array([scenes.bound_of(facts, m, z["share"]) for m in members])
     at_the_ends = ends(goal)
 
@@ -92,7 +88,7 @@ def margins(facts: Facts, z: Numbers, members: Sequence[Member], goal: Goal) -> 
         "cycle_counts": float(cycles.max() / facts.count),
         "cycle_by_bound": float((cycles / bounds).max()),
         "at_rest": float(np.mean(cycles <= AT_REST * facts.count)),
-        "energy": float(max(energy for _, energy in knocked)),
+        "energy": float(energies.max()),
         "share_breaks": least_breaking(share_breaks, z["share"], LARGEST),
         "share_searched": LARGEST,
         "delay_breaks": least_breaking(delay_breaks, facts.delay, longest, 16),

@@ -16,7 +16,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.tuning.evaluation import evaluate
 from backdrive.tuning.goals import AT_REST, LEFT_OVER, RESTLESS, Goal, Numbers
 from backdrive.tuning.members import Member
-from backdrive.tuning.scenes import FINE, SUBSTEP
+from backdrive.tuning.scenes import FINE, SUBSTEP, energy
 
 NUDGE = 1.03  # factor on R and K with which the ends of the intervals have to come to rest too
 HALVINGS = 2  # halvings of the last reduction after it passed
@@ -58,14 +58,25 @@ def rests(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FINE)
 
 def restless(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FINE) -> list[Trial]:
     """Return the trials in which a joint does not come to rest; `longest`: integration step [s]."""
+    unrests = play_trials(goal, z, tried, longest)[:, 0]
+    return [trial for trial, unrest in zip(tried, unrests, strict=True) if not unrest <= 1.0]
+
+
+def play_trials(goal: Goal, z: Numbers, tried: Sequence[Trial], longest: float = FINE) -> np.ndarray:
+    """Return the motion at rest by the allowed one, and the energy that the compensation puts in [J], of each trial, (n, 2).
+
+    A trial that was played before with the same numbers is not played again. `longest`: integration step [s].
+    """
 
     def push(factor: float) -> dict[str, float]:
         return {k: factor * x if k in ("share", "stiffness") else x for k, x in z.items()}
 
-    made = (goal.trial(push(factor), member, longest) for member, factor in tried)
-    return [
-        trial for trial, unrest in zip(tried, evaluate(made, goal.unrest), strict=True) if not unrest <= 1.0
-    ]
+    pushed = [(push(factor), member) for member, factor in tried]
+    keys = [(tuple(sorted(numbers.items())), member, longest) for numbers, member in pushed]
+    missing = {key: trial for key, trial in zip(keys, pushed, strict=True) if key not in goal.played}
+    made = (goal.trial(numbers, member, longest) for numbers, member in missing.values())
+    goal.played.update(zip(missing, evaluate(made, lambda r: (goal.unrest(r), energy(r))), strict=True))
+    return np.array([goal.played[key] for key in keys]).reshape(-1, 2)
 
 
 def safe(goal: Goal, z: Numbers, members: Sequence[Member]) -> bool:
