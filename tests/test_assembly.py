@@ -15,7 +15,7 @@ from backdrive.control.compensators import compensator as compensator_
 from backdrive.control.compensators.catalog import alg_fc2
 from backdrive.control.estimators import external as external_
 from backdrive.control.estimators.external import ExternalForce
-from backdrive.control.table import STILL, TORQUE
+from backdrive.control.table import ANCHOR, STILL, TORQUE
 from backdrive.laws import ELEMENTS, RATES, Decaying, Law, LuGre, Polyline, StribeckGauss, kernels
 
 BRISTLE = LuGre(stiffness=1e4, damping=30.0)
@@ -52,11 +52,12 @@ def test_a_step_of_two_laws_chooses_between_them():
 
 
 @pytest.mark.parametrize("external", [None, "momentum"])
-def test_a_loop_that_knows_its_joints_gives_the_bits_of_the_general_one(external):
+@pytest.mark.parametrize("hold", [0.05, np.inf])
+def test_a_loop_that_knows_its_joints_gives_the_bits_of_the_general_one(external, hold):
     rate = Polyline(**Polyline.EXAMPLE)
     made = alg_fc2(rate, 1e4, 1e-3)
     estimator = external and ExternalForce(inertia=0.5, friction=made.friction, method=external)
-    joints = [BareLoop(compensator=made, external=estimator, limit=5.0)] * 2
+    joints = [BareLoop(compensator=made, external=estimator, limit=5.0, hold=hold)] * 2
     position = 1e-3 * np.random.default_rng(2).standard_normal((200, 2)).cumsum(axis=0)
 
     def run(kernel) -> list[np.ndarray]:
@@ -64,6 +65,8 @@ def test_a_loop_that_knows_its_joints_gives_the_bits_of_the_general_one(external
         arrays, seen = (*joint_loop.concatenate(parts), table, np.zeros(2, dtype=np.int64)), []
         for q in position:
             kernel(*arrays, q, 1e-3)
+            if hold == np.inf:  # for how long a joint stands, and where, is not counted then
+                table[:, [STILL, ANCHOR]] = 0.0
             seen.append(table[:, TORQUE:].copy())
         return seen
 

@@ -25,7 +25,7 @@ T = 1e-3
 COARSE = 2e-5 if JIT else 5e-4
 SECONDS = 1.5 if JIT else 0.06
 HAND = Hand(stiffness=800.0, damping=40.0)
-LIMITS = {"off": np.inf, "on": 1e12}  # N
+LIMITS = {"off": np.inf, "on": 1e12}  # of the torque [N] and of the time that a joint stands still [s]
 
 
 def scene(dt=T, seconds=SECONDS, seed=1, **changes):
@@ -218,7 +218,8 @@ def test_without_limits_the_loop_gives_what_an_endless_limit_gives():
     readings[n // 2] = np.inf
     fault = faulty(n, readings, missed)
     ways = {
-        name: s.loop.replace(top_speed=np.inf, patience=np.inf, limit=limit) for name, limit in LIMITS.items()
+        name: s.loop.replace(top_speed=np.inf, patience=np.inf, limit=limit, hold=limit)
+        for name, limit in LIMITS.items()
     }
     off, on = (play(s.replace(loop=loop, fault=fault)) for loop in ways.values())
     assert {Status.OK, Status.NOT_FINITE, Status.LATE} <= set(off.status.tolist())
@@ -230,6 +231,12 @@ def test_a_kernel_for_other_scenes_too_gives_the_same_numbers():
     first = scene()
     bare = first.replace(loop=BareLoop(compensator=alg_fc(first.plant.law.rate, 1.2e6)))
     assert same(play(bare), play(bare, like=[first, first.replace(loop=None)]))
+    dithered = bare.replace(loop=BareLoop(compensator=alg_fc(first.plant.law.rate, 1.2e6, dither=Dither())))
+    adaptive = first.loop.replace(
+        compensator=alg_fc(first.plant.law.rate, 1.2e6, dither=Dither(mode="adaptive")), hold=0.5
+    )
+    mass = Admittance(inertia=2.0, viscosity=15.0, proportional=1e5, derivative=1e3, limit=200.0)
+    assert same(play(dithered), play(dithered, like=[first.replace(loop=adaptive, controller=mass)]))
 
 
 def test_the_loop_is_the_one_that_a_robot_would_run():

@@ -74,3 +74,22 @@ def test_python_may_call_what_was_compiled_for_kernels_and_both_are_cached(tmp_p
     assert said[0] == 5.0
     assert said[2:6] == [3.0, 2.0, 5.0, 1.0]
     assert compiled == []
+
+
+def test_the_options_of_kernels_are_those_of_numba():
+    from numba.core.compiler import Flags
+
+    from backdrive._jit_inner import QuickFlags
+
+    usual = Flags()
+    quick = QuickFlags(usual)
+    assert (
+        quick == usual and usual == quick and hash(quick) == hash(usual) and quick.values() == usual.values()
+    )
+    quick.nrt = not usual.nrt
+    assert quick != usual and usual != quick and quick != QuickFlags(usual)
+    usual.nrt = quick.nrt
+    assert quick == usual and quick.values() == usual.values() and quick == quick.copy() and quick != 1
+    default = QuickFlags()
+    default.nrt = Flags().nrt  # set to what it is anyway
+    assert default == QuickFlags() and default.get_mangle_string() == QuickFlags(default).get_mangle_string()

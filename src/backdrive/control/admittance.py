@@ -16,7 +16,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, leaf
 from backdrive.errors import InvalidInput
 from backdrive.parameters import NOT_NEGATIVE, POSITIVE, WithBounds
 
@@ -35,6 +35,12 @@ def tick(c, i, s, j, tau_e, q, T):
     s[j] += T * v_d
     u = c[i + 2] * (s[j] - q) + c[i + 3] * (v_d - v)
     return min(max(u, -limit), limit)
+
+
+@leaf
+def absent(c, i, s, j, tau_e, q, T):
+    """Return no torque: `tick` where no joint follows a virtual mass."""
+    return 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

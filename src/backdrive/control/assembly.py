@@ -15,7 +15,7 @@ from backdrive.control.compensators.extras import DisturbanceObserver
 from backdrive.control.estimators import external as external_
 from backdrive.control.estimators import friction as friction_
 from backdrive.control.estimators.method import no_force, no_friction
-from backdrive.control.table import ESTIMATES, GROWS, LEARNS, LIMIT, PATIENCE, RAMP, RATE, TOP
+from backdrive.control.table import ESTIMATES, GROWS, HOLD, LEARNS, LIMIT, PATIENCE, RAMP, RATE, TOP
 from backdrive.laws import kernels
 
 F = TypeVar("F", bound=Callable)
@@ -48,6 +48,8 @@ def of_joints(rows: Sequence[np.ndarray], sharing: bool = False) -> Callable[...
         parts[kernels.__name__, "ROWS"] = 0
     if np.isinf(table[:, (TOP, LIMIT, RATE, RAMP, PATIENCE)]).all():
         parts[guard.__name__, "LIMITED"] = parts[readings.__name__, "LIMITED"] = False
+    if np.isinf(table[:, HOLD]).all():
+        parts[loop_kernel.__name__, "HOLDING"] = False
     for name, column in (("ESTIMATING", ESTIMATES), ("GROWING", GROWS), ("LEARNING", LEARNS)):
         if not (table[:, column] > 0.0).any():
             parts[loop_kernel.__name__, name] = False
@@ -86,6 +88,8 @@ def of_compensators(
     if not (rows[:, compensator_.DITHER] >= 0.0).any():
         parts[dither_.tick] = dither_.absent
         parts[compensator_.__name__, "DITHERED"] = False
+    if not (rows[:, compensator_.DITHER] == dither_.ADAPTIVE).any():
+        parts[dither_.__name__, "ADAPTS"] = False
     if DisturbanceObserver.KIND in extra:
         parts[external_.estimate] = external_.METHODS.index("disturbance")
     return assemble(kernel, parts)

@@ -60,8 +60,8 @@ C = compensator_.ROW
 S = C + compensator_.STATES
 E = S + external_.ROW
 FIXED = E + external_.STATES
-#: A joint may have a law that grows, an estimator, a level that is learned.
-GROWING, ESTIMATING, LEARNING = True, True, True
+#: A joint may have a law that grows, an estimator, a level that is learned, a hold time.
+GROWING, ESTIMATING, LEARNING, HOLDING = True, True, True, True
 #: Every estimator has the friction of its compensator: one of the two is computed while both are in the same state.
 SHARING = False
 
@@ -115,13 +115,15 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel'
         load, temp = (g[MOTOR], g[LOAD]), g[TEMPERATURE]
         if GROWING and g[GROWS] > 0.0 and load[0] == 0.0 and load[1] == 0.0:  # no load was given
             load = (u, -g[KNOWN] if g[KNOWN] != 0.0 else np.nan)
-        stands = stand(c, x, s, g, q, T)
+        stands = False
+        if HOLDING:
+            stands = stand(c, x, s, g, q, T)
         shares = SHARING and friction_.coincide(x, s, 0, xe, se, external_.W)
         push, dither, model = compensator_.advance(
             c, i, p, x, s, 0, q, dp, T, g[TIME], g[ERROR], g[SLOPE], u - g[KNOWN], load, temp,
             g[STILL] >= g[HOLD],
         )  # fmt: skip
-        if stands:
+        if HOLDING and stands:
             push *= share_at_rest(g)
         f = level * (push if dither == 0.0 else push + dither)
         tau_e, tau_f, total = 0.0, 0.0, f

@@ -224,13 +224,13 @@ def kernel_of(*cases: tuple[Scene, tuple]) -> Callable[..., None]:
             [np.array(C), marks[0], *held[0][8:10], np.array(E), marks[1], *held[0][12:14], table]
         )
     plain = kernels.plain(np.array([arguments[2][:1] for _, arguments in cases]))
-    return assemble(
-        run,
-        {
-            loop_kernel.joint: joint,
-            axis_.advance: kernels.of_kinds(axis_.advance, law.rate.KIND, law.element.KIND, plain),
-        },
-    )
+    parts: dict[Any, Any] = {
+        loop_kernel.joint: joint,
+        axis_.advance: kernels.of_kinds(axis_.advance, law.rate.KIND, law.element.KIND, plain),
+    }
+    if not any(isinstance(scene.controller, Admittance) for scene, _ in cases):
+        parts[admittance.tick] = admittance.absent
+    return assemble(run, parts)
 
 
 def prepare(scene: Scene) -> tuple[tuple, np.ndarray]:

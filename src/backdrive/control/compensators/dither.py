@@ -25,6 +25,8 @@ from backdrive.parameters import POSITIVE, Bound, WithBounds
 MODES = ("fixed", "reset", "adaptive")
 ROW = 7  # mode, R_d, Omega, count, counts, window, rate
 STATES = 5  # time in the phase, share, time in the window, least and largest position in it
+RESET, ADAPTIVE = 1.0, 2.0  # modes
+ADAPTS = True  # a dither may be adaptive
 
 
 @jit
@@ -33,16 +35,16 @@ def tick(c, i, s, j, stuck, lo, hi, q, dt, t, idle):  # noqa: PLR0913  (a kernel
     `idle`: the amplitude stays.
     """
     mode = c[i]
-    if mode == 2.0 and not idle:
+    if ADAPTS and mode == ADAPTIVE and not idle:
         adapt(c, i, s, j, q, dt)
     if not stuck:
         s[j] = 0.0
         return 0.0
     phase = t
-    if mode == 1.0:
+    if mode == RESET:
         phase = s[j]
         s[j] += dt
-    share = s[j + 1] if mode == 2.0 else 1.0
+    share = s[j + 1] if mode == ADAPTIVE else 1.0
     return share * c[i + 1] * (0.5 * (hi - lo) * sin(c[i + 2] * phase) + 0.5 * (hi + lo))
 
 
