@@ -213,7 +213,11 @@ def seek_slip(
         if done or len(tried) == ROUNDS:
             break
         del bins  # long logs fill the memory
-    covariance = noise.covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)
+    residual = bins.y - bins.X @ theta
+    if rough:
+        covariance = regression.classical(bins.X[bins.used], residual[bins.used])
+    else:
+        covariance = noise.covariance_of_fit(bins.X, residual, bins.used)
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):
         return replace(open_, correlation=correlation)

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-SMALL = 1000  # shorter series are sorted partially as they are
+SMALL = 4000  # shorter series are sorted partially as they are
 SAMPLE = 0.6  # exponent of the sample's size
 MARGIN = 1.7  # distance of a bound from the rank sought [root of the sample's size]
 
