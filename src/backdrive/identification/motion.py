@@ -21,13 +21,7 @@ from backdrive.identification import curves, design, noise
 from backdrive.identification.block_prediction import predict_blocks
 from backdrive.identification.delay import delay_signals
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
-from backdrive.identification.evidence import (
-    constant_beside,
-    evidence,
-    parts_of,
-    sentences,
-    without_errors,
-)
+from backdrive.identification.evidence import constant_beside, evidence, parts_of, sentences, without_errors
 from backdrive.identification.jerk import clear_jerk
 from backdrive.identification.model_torque import LEFT_OUT, leave_out
 from backdrive.identification.motion_bins import (
@@ -40,6 +34,7 @@ from backdrive.identification.motion_bins import (
     moves,
     slowest_sliding,
 )
+from backdrive.identification.path import along_path, without_gravity
 from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
 from backdrive.identification.remark import ONE_WAY_ONLY
@@ -103,9 +98,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     top = quantile(np.abs(speeds), 99.9 / 100.0)
     knots = top * np.array(curves.SHARES)
     slowest = slowest_sliding(stretches, knots)
-    positions = [s.position for s in stretches if s.position is not None]
-    logged = stretches
-    travel = max((float(np.ptp(p)) for p in positions), default=0.0)
+    blind = all(s.position is None for s in stretches)
+    logged = stretches = along_path(stretches, about.unit == "rad" and len(logs) == 1 and not held_out)
+    travel = max((float(np.ptp(s.position)) for s in stretches if s.position is not None), default=0.0)
     velocity = float(speeds.min()), float(speeds.max())
     del speeds
     slower_way = min(-velocity[0], velocity[1])
@@ -242,7 +237,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     fixed = "" if delay is None else describe(delay)
     known = LEFT_OUT if without and any(np.any(s.model_torque) for s in logged) else ""
-    said = filter(None, (support.verdict, constant, fixed, known, smooth.note))
+    friction, unplaced = without_gravity(friction) if blind else (friction, "")
+    said = filter(None, (support.verdict, constant, fixed, known, smooth.note, unplaced))
     return friction, replace(support, verdict=" ".join(said))
 
 
