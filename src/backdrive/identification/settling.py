@@ -20,7 +20,7 @@ from backdrive.identification.slip import fit
 from backdrive.logs import filters
 
 # tested distances, relative to the median distance between two reversals [-]
-SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.24, 0.32, 0.45)
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
 CLEAR = 3.0  # least significance from move to move, without whitening [standard error]
