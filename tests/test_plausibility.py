@@ -90,9 +90,19 @@ def test_the_motion_of_another_joint_explains_torque(sound):
         torque=np.hstack([torque + 0.4 * acceleration, torque]),
     )
     first = identify(both, method="motion").model.joints[0]
-    assert "Torque follows the acceleration of joint 'wrist'" in first.warnings[0]
+    assert "Torque follows the acceleration of joint 'wrist'" in " ".join(first.warnings)
     alone = both.replace(torque=np.hstack([torque, torque]))
     assert not any("wrist" in s for s in identify(alone, method="motion").model.joints[0].warnings)
+
+
+def test_a_curve_whose_error_nobody_knows_is_not_good(sound):
+    """Four moves: the fit is close, and the torque may be far off."""
+    few = sound.rows(slice(0, round(3.0 / sound.period)))
+    one = identify(few, method="motion").model.joints[0]
+    assert not one.standard_errors and one.fitted.residual < 0.1
+    assert one.verdict.grade == "care"
+    assert one.warnings[0].startswith("How far off the curve may be cannot be told")
+    assert "No standard errors are stated" in " ".join(one.warnings)
 
 
 @pytest.mark.parametrize("joint", ["j1", "joint"])

@@ -44,6 +44,7 @@ RULES: tuple[Rule, ...] = (
     residual.encoder_steps,
     residual.wild_samples,
     numbers.vague_terms,
+    numbers.unknown_error,
 )
 
 

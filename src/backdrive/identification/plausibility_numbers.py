@@ -148,6 +148,17 @@ def certainty(case: Case) -> Remark | None:
     )
 
 
+def unknown_error(case: Case) -> Remark | None:
+    """Remark on a curve without a standard error anywhere."""
+    error = case.evidence.curve.standard_error
+    if not error.size or not np.isnan(error).all():
+        return None
+    return Remark(
+        severity="care",
+        sentence="How far off the curve may be cannot be told: record more moves, at more speeds.",
+    )
+
+
 def delay_range(case: Case) -> Remark | None:
     """Remark on a delay too long for a clock offset, graver if the delay is poorly known and may be even longer."""
     value, error = case.value("time_slip")
