@@ -7,6 +7,7 @@ import pytest
 
 from _sines import RATE, sines
 from backdrive import Joint, Log, identify
+from backdrive.identification import validate
 from backdrive.identification.path import PAUSE, along_path, without_gravity
 from backdrive.identification.signals import prepare
 
@@ -33,12 +34,26 @@ def test_gravity_does_not_spoil_the_inertia_of_a_log_without_positions(seed):
     assert inertia.value == pytest.approx(0.5, abs=4.0 * inertia.standard_error)
     assert inertia.standard_error < 2e-3
     assert one.law.torque([-1.0, 1.0]) == pytest.approx([-2.3, 2.3], rel=0.01)
-    assert one.verdict.grade == "good"
-    size = float(re.search(r"no position: gravity of up to ([\d.]+) N\.m", of.verdict)[1])
-    assert size == pytest.approx(np.hypot(*WEIGHT), rel=0.01)
-    assert not {"gravity_sin", "gravity_cos"} & {*one.dynamics, *one.covariance.names}
+    assert one.verdict.grade == "care"
+    size = float(re.search(r"no position: gravity of up to ([\d.]+) N\.m", one.warnings[0])[1])
+    assert size == pytest.approx(np.hypot(*WEIGHT), rel=0.01) and of.unplaced == pytest.approx(size, rel=0.01)
     errors = one.covariance.standard_errors()
     assert errors["inertia"] == pytest.approx(inertia.standard_error)
+    assert not {"gravity_sin", "gravity_cos"} & {*one.dynamics, *errors}
+
+
+def test_the_model_says_how_far_off_it_is_without_gravity():
+    """Its offset is gravity's mean, and its bands hold what it does not predict."""
+    given = log()
+    result = identify(given, method="motion")
+    one = result.model.joints[0]
+    pull = WEIGHT @ np.stack([np.sin(q := sines(np.random.default_rng(0), 20.0)[1]), np.cos(q)])
+    assert one.dynamics["offset"].value == pytest.approx(pull.mean(), abs=0.05)
+    assert np.isnan(one.dynamics["offset"].standard_error)
+    spread = np.quantile(np.abs(pull - pull.mean()), 0.95)
+    assert one.bands.moving.half_width == pytest.approx(spread, rel=0.1)
+    assert validate(result.model, [given])["j"].rms == pytest.approx(pull.std(), rel=0.1)
+    assert result.evidence[0].residual is not None and one.held_out.residual < 1.0  # %
 
 
 def test_with_positions_and_without_gravity_nothing_is_left_out():
@@ -48,8 +63,10 @@ def test_with_positions_and_without_gravity_nothing_is_left_out():
     )
     level = identify(log(weight=0.0 * WEIGHT), method="motion")
     for result in (seen, level):
-        assert "no position" not in result.evidence[0].verdict
-        assert without_gravity(level.model.joints[0]) == (level.model.joints[0], "")
+        assert "no position" not in " ".join(result.model.joints[0].warnings)
+        assert result.evidence[0].unplaced == 0.0
+    one, of = level.model.joints[0], level.evidence[0]
+    assert without_gravity(one, of, prepare(log(), "j")) == (one, of)
 
 
 def test_a_path_is_the_motion_from_where_the_log_began():
@@ -71,4 +88,4 @@ def test_a_path_is_not_taken_where_it_is_not_needed_or_not_known(why):
 def test_several_logs_and_sliders_stay_as_they_were():
     for logs in ([log(0), log(1)], [log(unit="m")]):
         result = identify(logs, method="motion")
-        assert "no position" not in result.evidence[0].verdict
+        assert "no position" not in " ".join(result.model.joints[0].warnings)

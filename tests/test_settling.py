@@ -126,3 +126,26 @@ def test_a_build_up_of_several_bins_is_left_out(seed):
     friction, _ = identify_motion([log.rows(slice(None, None, 10))], "j", law="coulomb-viscous")
     assert friction.law.rate.coulomb_positive == pytest.approx(COULOMB, abs=0.01)
     assert friction.law.rate.viscous_positive == pytest.approx(VISCOUS, abs=0.02)
+
+
+@pytest.mark.parametrize("seed", [0, 2])
+def test_a_ripple_over_the_position_is_no_build_up(seed):
+    """Ripples of 7 a turn: 0.45 of a stroke was left out, and the curve was 9 and 8 % off."""
+    rng, t = np.random.default_rng(1000 + seed), np.arange(15000) / 500.0
+    w, phase, size = (
+        2.0 * np.pi * rng.uniform(0.15, 1.5, 3),
+        rng.uniform(0.0, 2.0 * np.pi, 3),
+        rng.uniform(0.5, 1.0, 3),
+    )
+    size *= 0.8 / size.sum()
+    q, v = (
+        size @ np.sin(np.outer(w, t) + phase[:, None]),
+        (size * w) @ np.cos(np.outer(w, t) + phase[:, None]),
+    )
+    torque = 0.5 * -(size * w**2) @ np.sin(np.outer(w, t) + phase[:, None]) + 1.5 * np.sign(v) + 0.8 * v
+    torque += 0.2 * np.sin(7.0 * q) + 0.05 * rng.standard_normal(t.size)
+    friction, _ = identify_motion(
+        [Log(time=t, joints=(Joint(name="j", unit="rad"),), position=q, torque=torque)], "j"
+    )
+    at = np.array([-0.8, -0.3, 0.3, 0.8]) * float(np.quantile(np.abs(v), 0.999))
+    assert friction.law.torque(at) == pytest.approx(1.5 * np.sign(at) + 0.8 * at, rel=0.03)

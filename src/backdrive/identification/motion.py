@@ -237,9 +237,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     fixed = "" if delay is None else describe(delay)
     known = LEFT_OUT if without and any(np.any(s.model_torque) for s in logged) else ""
-    friction, unplaced = without_gravity(friction) if blind else (friction, "")
-    said = filter(None, (support.verdict, constant, fixed, known, smooth.note, unplaced))
-    return friction, replace(support, verdict=" ".join(said))
+    said = filter(None, (support.verdict, constant, fixed, known, smooth.note))
+    support = replace(support, verdict=" ".join(said))
+    return without_gravity(friction, support, logged) if blind else (friction, support)
 
 
 def _simplest(

@@ -13,8 +13,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from backdrive.identification.bands import bands_of, long_run_of
+from backdrive.identification.evidence import parts_of
+from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
-from backdrive.identification.terms import GRAVITY
+from backdrive.identification.terms import GRAVITY, estimates
 from backdrive.model import Covariance, JointFriction
 
 PAUSE = 0.1  # longest gap between two stretches over which the velocity is integrated [s]
@@ -41,23 +44,33 @@ def along_path(stretches: Sequence[Signals], alone: bool) -> list[Signals]:
     return result
 
 
-def without_gravity(friction: JointFriction) -> tuple[JointFriction, str]:
-    """Return a result without gravity that was fitted along a path, and a sentence that says so; as it is, and "", without any.
+def without_gravity(
+    friction: JointFriction, evidence: JointEvidence, stretches: Sequence[Signals]
+) -> tuple[JointFriction, JointEvidence]:
+    """Return a result without gravity that was fitted along a path, whose mean stays as an offset, and what it leaves open.
+
+    The evidence keeps the residual of the fit, and gets the bands of the torque that the model without gravity predicts.
 
     Args:
         friction: the result.
+        evidence: of it.
+        stretches: those that were fitted.
     """
-    pulls = [friction.dynamics[name].value for name in GRAVITY if name in friction.dynamics]
-    if not pulls:
-        return friction, ""
+    sine, cosine = (friction.dynamics[name].value if name in friction.dynamics else 0.0 for name in GRAVITY)
+    if not (sine or cosine):
+        return friction, evidence
+    positions = np.concatenate([s.position for s in stretches if s.position is not None])
+    mean = float(np.mean(sine * np.sin(positions) + cosine * np.cos(positions)))
+    gone = (*GRAVITY, "offset")
     covariance = friction.covariance
     if covariance is not None:
-        kept = [i for i, name in enumerate(covariance.names) if name not in GRAVITY]
+        kept = [i for i, name in enumerate(covariance.names) if name not in gone]
         names = [covariance.names[i] for i in kept]
         covariance = Covariance.of(names, covariance.array()[np.ix_(kept, kept)]) if kept else None
-    dynamics = {name: term for name, term in friction.dynamics.items() if name not in GRAVITY}
-    sentence = (
-        f"The log has no position: gravity of up to {math.hypot(*pulls):.3g} {friction.joint.torque_unit} was fitted along the "
-        "integrated velocity, and the model leaves it out, since it does not know the angle. A log with positions gives both."
-    )
-    return replace(friction, dynamics=dynamics, covariance=covariance), sentence
+    dynamics = {name: term for name, term in friction.dynamics.items() if name not in gone}
+    before = friction.dynamics["offset"].value if "offset" in friction.dynamics else 0.0
+    dynamics |= estimates({"offset": (before + mean, math.nan)}, friction.joint.unit)
+    left = replace(friction, dynamics=dynamics, covariance=covariance)
+    parts = parts_of(left, stretches, True)
+    more = {"bands": bands_of(parts), "long_run": long_run_of(parts), "unplaced": math.hypot(sine, cosine)}
+    return left, replace(evidence, **more)

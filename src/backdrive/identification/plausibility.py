@@ -43,6 +43,7 @@ RULES: tuple[Rule, ...] = (
     residual.torque_steps,
     residual.encoder_steps,
     residual.wild_samples,
+    numbers.unplaced_gravity,
     numbers.vague_terms,
     numbers.unknown_error,
 )

@@ -148,6 +148,19 @@ def certainty(case: Case) -> Remark | None:
     )
 
 
+def unplaced_gravity(case: Case) -> Remark | None:
+    """Remark on gravity that was fitted along an integrated velocity, which a model cannot hold."""
+    size = case.evidence.unplaced
+    if not size > 0.0:
+        return None
+    return Remark(
+        severity="care",
+        sentence=f"The log has no position: gravity of up to {size:.3g} {case.unit} was fitted along the integrated velocity, and "
+        "the model leaves it out, since it does not know the angle. Friction and inertia hold; a torque that the model predicts "
+        "lacks gravity. A log with positions gives both.",
+    )
+
+
 def unknown_error(case: Case) -> Remark | None:
     """Remark on a curve without a standard error anywhere."""
     error = case.evidence.curve.standard_error

@@ -76,6 +76,7 @@ class JointEvidence:
         long_run: standard deviation of the torque residual's mean over one second [N.m or N].
         residual: the torque residual in short means; None if the method has none.
         precision: expected and achieved standard errors of the joint's friction and its link's bodies; method `arm` only.
+        unplaced: amplitude of gravity that was fitted along an integrated velocity and is no part of the model [N.m]; 0 if none.
     """
 
     joint: str
@@ -87,6 +88,7 @@ class JointEvidence:
     long_run: float | None = None
     residual: Residual | None = None
     precision: tuple[StandardError, ...] = ()
+    unplaced: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,6 +21,7 @@ from backdrive.logs import filters
 
 # tested distances, relative to the median distance between two reversals [-]
 SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.24, 0.32, 0.45)
+FAR = 0.16  # share beyond which a distance is tested only if friction still builds up just before it
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
 CLEAR = 3.0  # least significance from move to move, without whitening [standard error]
@@ -49,9 +50,10 @@ def build_up(
     way, sense, moves, middle = _ways(stretches, delay, seconds)
     fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
     within, error = 0.0, None
-    for reach in (share * middle for share in SHARES):
-        band = (way >= before) & (way < reach)
-        before = reach
+    for share in SHARES:
+        if share > FAR and within < before:  # a torque of the position is not to pass for build-up
+            break
+        band, before = (way >= before) & (way < share * middle), share * middle
         if error is None:
             error = sense * (fitted.y - fitted.X @ fit(replace(fitted, used=used)))
         surely = _from_move_to_move(error, used & band, moves)
@@ -59,7 +61,7 @@ def build_up(
         if not (lags or surely > -DOUBT) and np.count_nonzero(used & band) >= FEWEST:
             lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
         if lags:
-            used, within, error = raw.used & (way >= reach), reach, None
+            used, within, error = raw.used & (way >= before), before, None
     return within
 
 
