@@ -134,7 +134,8 @@ def test_a_lerobot_folder_with_several_episodes_is_one_identification(made, tmp_
     (friction,) = identify(read_log(str(tmp_path))).model.joints
     speeds = np.array([0.5, 0.9, 1.3])
     assert friction.law.torque(speeds) == pytest.approx(joint.sliding(speeds), rel=0.05)
-    assert grade(friction).level == "good"
+    told = bool(friction.standard_errors)  # six moves tell no error
+    assert told is (kind != "runs") and grade(friction).level == ("good" if told else "care")
 
 
 def test_friction_that_follows_the_load_is_said_from_one_center(made):

@@ -43,7 +43,7 @@ RULES: tuple[Rule, ...] = (
     residual.torque_steps,
     residual.encoder_steps,
     residual.wild_samples,
-    numbers.unplaced_gravity,
+    numbers.gravity_apart,
     numbers.vague_terms,
     numbers.unknown_error,
 )

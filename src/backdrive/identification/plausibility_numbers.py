@@ -148,7 +148,7 @@ def certainty(case: Case) -> Remark | None:
     )
 
 
-def unplaced_gravity(case: Case) -> Remark | None:
+def gravity_apart(case: Case) -> Remark | None:
     """Remark on gravity that was fitted along an integrated velocity, which a model cannot hold."""
     size = case.evidence.unplaced
     if not size > 0.0:
@@ -162,9 +162,9 @@ def unplaced_gravity(case: Case) -> Remark | None:
 
 
 def unknown_error(case: Case) -> Remark | None:
-    """Remark on a curve without a standard error anywhere."""
+    """Remark on a curve from motion without a standard error anywhere."""
     error = case.evidence.curve.standard_error
-    if not error.size or not np.isnan(error).all():
+    if case.friction.method != "motion" or not error.size or not np.isnan(error).all():
         return None
     return Remark(
         severity="care",
