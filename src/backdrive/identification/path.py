@@ -18,7 +18,7 @@ from backdrive.identification.evidence import parts_of
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import GRAVITY, estimates
-from backdrive.model import Covariance, JointFriction
+from backdrive.model import JointFriction
 
 PAUSE = 0.1  # longest gap between two stretches over which the velocity is integrated [s]
 
@@ -61,16 +61,12 @@ def without_gravity(
         return friction, evidence
     positions = np.concatenate([s.position for s in stretches if s.position is not None])
     mean = float(np.mean(sine * np.sin(positions) + cosine * np.cos(positions)))
-    gone = (*GRAVITY, "offset")
-    covariance = friction.covariance
-    if covariance is not None:
-        kept = [i for i, name in enumerate(covariance.names) if name not in gone]
-        names = [covariance.names[i] for i in kept]
-        covariance = Covariance.of(names, covariance.array()[np.ix_(kept, kept)]) if kept else None
-    dynamics = {name: term for name, term in friction.dynamics.items() if name not in gone}
     before = friction.dynamics["offset"].value if "offset" in friction.dynamics else 0.0
-    dynamics |= estimates({"offset": (before + mean, math.nan)}, friction.joint.unit)
-    left = replace(friction, dynamics=dynamics, covariance=covariance)
+    kept = {name: term for name, term in friction.dynamics.items() if name not in (*GRAVITY, "offset")}
+    left = replace(friction, dynamics=kept)  # its covariance loses their rows
+    left = replace(
+        left, dynamics=kept | estimates({"offset": (before + mean, math.nan)}, friction.joint.unit)
+    )
     parts = parts_of(left, stretches, True)
     more = {"bands": bands_of(parts), "long_run": long_run_of(parts), "unplaced": math.hypot(sine, cosine)}
     return left, replace(evidence, **more)

@@ -11,7 +11,7 @@ steps of both are identical to the last bit. Several elements with lag form thei
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,7 +21,7 @@ from backdrive._types import Array
 from backdrive.laws.base import Element, Parameter
 from backdrive.laws.elements.dahl import STIFFNESS
 from backdrive.laws.elements.maxwell_slip import MANY, Parallel
-from backdrive.laws.elements.visco_elastoplastic import ROBOT, ViscoElastoplastic, section
+from backdrive.laws.elements.visco_elastoplastic import DAMPING, ROBOT, ViscoElastoplastic, section
 
 
 @leaf
@@ -60,15 +60,7 @@ class XiongKikuuwe(Element):
     STATE_ROW: ClassVar[bool] = True
     PARAMETERS: ClassVar[dict[str, Parameter]] = {
         "stiffness": STIFFNESS,
-        "damping": Parameter(
-            symbol="B",
-            unit="force.s/length",
-            lower=1e-12,
-            typical=50.0,
-            source=ROBOT,
-            log=True,
-            start=lambda d: 0.2 * d.stiffness * d.lag,
-        ),
+        "damping": replace(DAMPING, lower=1e-12),
         "lag": Parameter(symbol="t_d", unit="s", lower=0.0, upper=10.0, typical=0.003, start=0.003),
     }
     EXAMPLE: ClassVar[dict[str, Any]] = dict(**ViscoElastoplastic.EXAMPLE, lag=0.003)
