@@ -5,7 +5,7 @@ the compiler's time, and a function that only kernels call needs neither. The C 
 to another as an argument. The Python wrapper is made when Python first calls the function, which is compiled again for that.
 
 While numba infers types, it compares the options of the compilation thousands of times, each time through a property for every
-one of thirty options. That is another fifth of its time, so the options of kernels compare what is set (`QuickFlags`).
+one of thirty options. That is up to a fifth of its time, so the options of kernels compare what is set (`QuickFlags`).
 """
 
 from __future__ import annotations
