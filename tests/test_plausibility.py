@@ -222,3 +222,29 @@ def test_two_delays_are_not_told_on_one_page(sound):
     level, sentences = remarks(late, accept=("time-slip",))
     found = [s for s in sentences if "later than" in s or "earlier than" in s]
     assert len(found) <= 1 and (level == "care" or found)
+
+
+def turning(width, *, rate=200.0, seconds=1.4, warming=0.0, colour=0.0, seed=0):
+    """Return a log of moves, each pair faster, whose friction builds up over a distance [rad] and changes by a share in all."""
+    generator, fine = np.random.default_rng(seed), 20  # steps a sample, since friction builds up within a few
+    step, blur = 1.0 / (rate * fine), np.ones(round(0.2 * rate)) / round(0.2 * rate)
+    wanted = np.repeat(np.outer(np.arange(0.2, 1.3, 0.2), [1.0, -1.0]), round(seconds * rate))
+    rough = np.convolve(wanted, blur, "same")
+    dq = np.interp(np.arange(rough.size * fine) / fine, np.arange(rough.size), rough)
+    q, z, friction = np.cumsum(dq) * step, 0.0, np.empty(dq.size)
+    for k, move in enumerate(np.diff(q, prepend=0.0).tolist()):
+        z = min(max(z + move, -width), width)
+        friction[k] = 3.0 * z / width * (1.0 + warming * k / dq.size)
+    tau = friction + 0.8 * dq + 0.3 * np.gradient(dq, step)
+    noise = generator.standard_normal(rough.size)
+    for k in range(1, noise.size):
+        noise[k] = colour * noise[k - 1] + np.sqrt(1.0 - colour**2) * noise[k]
+    time = np.arange(noise.size) / rate
+    return Log(time=time, joints=(Joint(name="j1"),), position=q[::fine], torque=tau[::fine] + 0.1 * noise)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("width", "warming", "colour"), [(0.02, 0.0, 0.0), (1e-3, -0.3, 0.9)])
+def test_friction_that_builds_up_is_not_warming(seed, width, warming, colour):
+    sentences = remarks(turning(width, warming=warming, colour=colour, seed=seed))[1]
+    assert any("Friction changes over the log" in s for s in sentences) is bool(warming), sentences

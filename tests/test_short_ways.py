@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from backdrive.identification.projection import inverse_of, orthonormal
-from backdrive.identification.residual import waves_at
+from backdrive.identification.waves import waves_at
 from backdrive.logs.health._motion import running
 from backdrive.logs.quantiles import at_rank, median, quantile
 from backdrive.logs.readers import npz

@@ -37,6 +37,7 @@ def evidence(
     parts: Sequence[Part],
     standard_error: Callable[[np.ndarray], np.ndarray],
     presliding: np.ndarray | None = None,
+    settled: Sequence[np.ndarray] = (),
 ) -> JointEvidence:
     """Collect a joint's evidence.
 
@@ -45,6 +46,7 @@ def evidence(
         parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted, from `parts_of`.
         standard_error: of the curve at velocities.
         presliding: displacement and torque of a ramp, (n, 2).
+        settled: where friction no longer builds up, a mask for each of the first parts, (n,) each.
     """
     stride = max(1, -(-sum(part[0].time.size for part in parts) // MOST))
     columns = []
@@ -64,7 +66,7 @@ def evidence(
         presliding=presliding,
         bands=bands_of(parts),
         long_run=long_run_of(parts),
-        residual=residual_of(parts),
+        residual=residual_of(parts, settled),
     )
 
 

@@ -233,6 +233,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         friction,
         parts + of_others,
         curves.widen_below(friction.law, slowest, of_curve),
+        settled=[s.sliding for s in slid],
     )
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     fixed = "" if delay is None else describe(delay)

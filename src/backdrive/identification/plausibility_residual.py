@@ -11,11 +11,12 @@ from backdrive.identification import lateness
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
-from backdrive.identification.residual import MEAN, Residual
+from backdrive.identification.residual import MEAN, Explanation, Residual
 from backdrive.identification.terms import GRAVITY, columns
 from backdrive.logs import filters
 
 CHANCE = 1e-5  # largest probability that noise explains as much as a reported cause [-]
+OF_CHANGE = 1e-3  # the same for a change of the friction over the log, which coloured noise hides [-]
 STRUCTURE = 0.015  # least explained residual with a remark, relative to the friction [-]
 GRAVE = 0.25  # explained residual above which the grade is lowered, relative to the friction [-]
 MOST = (
@@ -119,20 +120,23 @@ def structure(case: Case) -> Remark | None:
         "every {wave:.2g} " + case.friction.joint.unit,
     )
     follows_load = f"Friction depends on the load, by {share}: use a law with load (--law m3)."
+    changes = f"Friction changes over the log, by {share}: warming, or changed midway."
     causes: list[tuple[tuple[np.ndarray, ...], str]] = []
     for time in _times(res):
         late = np.sign(time)
         causes += [
             ((time, late), f"The torque drifts over the log, by {share}: warming, a bias, or a cable."),
-            (
-                (way * time, way * late),
-                f"Friction changes over the log, by {share}: warming, or changed midway.",
-            ),
+            ((way * time, way * late), changes),
+            ((way * time,), changes),
             ((res.predicted * late,), f"The torque changed midway, by {share}: its gain, or its sign."),
         ]
     causes += [((way * load,), follows_load), ((way * _static_load(case, res),), follows_load)]
     explained = res.explain_each(*(columns for columns, _ in causes))
-    tests = [(one, sentence) for one, (_, sentence) in zip(explained, causes, strict=True)]
+    highest = {changes: OF_CHANGE, follows_load: CHANCE}
+    tests = [
+        (_lasting(res, one, columns, highest[sentence]) if sentence in highest else one, sentence)
+        for one, (columns, sentence) in zip(explained, causes, strict=True)
+    ]
     of_torque, of_friction = res.over_position
     tests += [
         (of_torque, f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
@@ -151,7 +155,9 @@ def structure(case: Case) -> Remark | None:
     sure = [
         (e, sentence)
         for e, sentence in tests
-        if e is not None and e.chance < CHANCE and STRUCTURE * size < e.size < MOST * size
+        if e is not None
+        and e.chance < highest.get(sentence, CHANCE)
+        and STRUCTURE * size < e.size < MOST * size
     ]
     if not sure:
         return slow_torque(case)
@@ -163,6 +169,16 @@ def structure(case: Case) -> Remark | None:
         wave=2.0 * np.pi / best.wave if best.wave else 0.0,
     )
     return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
+
+
+def _lasting(
+    res: Residual, found: Explanation | None, columns: tuple[np.ndarray, ...], chance: float
+) -> Explanation | None:
+    """Return an explanation if it is sure without the outlying means too; those beside reversals tell no slow cause."""
+    if found is None or found.chance >= chance:
+        return None
+    again = res.near.explain_each([column[res.is_near] for column in columns])[0]
+    return found if again is not None and again.chance < chance else None
 
 
 def _times(res: Residual) -> list[np.ndarray]:

@@ -9,7 +9,7 @@ omits for good reason therefore does not count.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +19,7 @@ from scipy.special import fdtrc
 
 from backdrive.identification.projection import CLEAR, inverse_of, orthonormal
 from backdrive.identification.signals import Signals, surely_sliding
+from backdrive.identification.waves import waves_at
 from backdrive.logs import filters
 from backdrive.logs.quantiles import median, quantile
 from backdrive.logs.resolution import resolution
@@ -27,13 +28,10 @@ MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
 FEWEST_BLOCKS = 8  # least number of blocks for a test, in excess of the number of columns
 WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
+OUTLYING = 3.0  # the same of a mean
 FINEST = 60.0  # largest wave number over position [rad/rad or rad/m]
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
 MOST = 4_000_000  # largest product of means and wave numbers in the search for a wave
-AT_ONCE, FITS = (
-    16,
-    500_000,
-)  # wave numbers that are evaluated together, and largest product with the means; more is slow
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
 
@@ -73,6 +71,7 @@ class Residual:
         part: number of the stretch, (n,).
         moving: False in long rests, (n,).
         sliding: True away from rests and reversals, (n,).
+        settled: True where it slides and friction no longer builds up, (n,); `sliding` if it always does.
         period: time between means [s].
         wild: share of single outliers among the samples [-].
         step: of the measured torque [N.m or N]; 0 without steps.
@@ -89,6 +88,7 @@ class Residual:
     part: np.ndarray
     moving: np.ndarray
     sliding: np.ndarray
+    settled: np.ndarray
     period: float
     wild: float
     step: float
@@ -105,9 +105,23 @@ class Residual:
 
     @cached_property
     def slides(self) -> Residual:
-        """The means in which the joint slides."""
+        """The means in which the joint slides and friction no longer builds up."""
+        return self._where(self.settled)
+
+    @cached_property
+    def is_near(self) -> np.ndarray:
+        """Which means hardly differ more from the model than most, (n,)."""
+        error = np.abs(self._error_apart)
+        return error <= OUTLYING * 1.4826 * median(error)
+
+    @cached_property
+    def near(self) -> Residual:
+        """The means that hardly differ more from the model than most."""
+        return self._where(self.is_near)
+
+    def _where(self, mask: np.ndarray) -> Residual:
         series = {f.name: getattr(self, f.name) for f in fields(self)}
-        return replace(self, **{k: x[self.sliding] for k, x in series.items() if isinstance(x, np.ndarray)})
+        return replace(self, **{k: x[mask] for k, x in series.items() if isinstance(x, np.ndarray)})
 
     @cached_property
     def columns(self) -> np.ndarray:
@@ -256,51 +270,18 @@ class Residual:
         return powers.T
 
 
-def waves_at(
-    position: np.ndarray, first: float, step: float, count: int
-) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-    """Yield slices of equally spaced wave numbers with sine and cosine of each wave, (w, n), valid until the next are taken.
-
-    Each wave is the one before turned by the same angle, since sine and cosine take long.
-
-    Args:
-        position: [rad or m], (n,).
-        first: wave number [rad/rad or rad/m].
-        step: distance of the wave numbers.
-        count: of the wave numbers.
-    """
-    size = min(count, AT_ONCE, max(FITS // position.size, 2))
-    sine, cosine = np.empty((2, size, position.size))
-    sine[0], cosine[0] = np.sin(first * position), np.cos(first * position)
-    begun, turn = 1, (np.sin(step * position), np.cos(step * position))
-    while begun < size:  # twice as many each time
-        more = min(begun, size - begun)
-        into = slice(begun, begun + more)
-        sine[into] = sine[:more] * turn[1] + cosine[:more] * turn[0]
-        cosine[into] = cosine[:more] * turn[1] - sine[:more] * turn[0]
-        turn, begun = (2.0 * turn[0] * turn[1], turn[1] ** 2 - turn[0] ** 2), begun + more
-    if size < count:
-        turn = np.sin(size * step * position), np.cos(size * step * position)
-    one, other = np.empty_like(sine), np.empty_like(sine)
-    for at in range(0, count, size):
-        rows = slice(at, min(at + size, count))
-        if at:
-            np.multiply(cosine, turn[0], out=one)
-            np.multiply(sine, turn[0], out=other)
-            sine *= turn[1]
-            cosine *= turn[1]
-            sine += one
-            cosine -= other
-        yield rows, sine[: rows.stop - at], cosine[: rows.stop - at]
-
-
-def residual_of(parts: Sequence[Part], *, means_alone: bool = False) -> Residual | None:
+def residual_of(
+    parts: Sequence[Part], settled: Sequence[np.ndarray] = (), *, means_alone: bool = False
+) -> Residual | None:
     """Return the residual of a model in short means; None without samples.
 
     Args:
         parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted.
+        settled: where friction no longer builds up, a mask for each of the first parts, (n,) each.
         means_alone: leave `wild` and `step` at 0, which need each sample.
     """
+    masks_of = [*settled, *[None] * (len(parts) - len(settled))]
+    masks_of = [mask for part, mask in zip(parts, masks_of, strict=True) if part[0].time.size]
     parts = [part for part in parts if part[0].time.size]
     if not parts:
         return None
@@ -308,13 +289,15 @@ def residual_of(parts: Sequence[Part], *, means_alone: bool = False) -> Residual
     columns: list[list[Any]] = []
     far, count = 0, 0
     for number, (s, friction, predicted, _) in enumerate(parts):
-        slides = surely_sliding(s, top)
+        slides = settles = surely_sliding(s, top)
+        if (mask := masks_of[number]) is not None:
+            settles = slides & mask
         position = np.full(s.time.size, np.nan) if s.position is None else s.position
         series = (s.time, position, s.velocity, s.acceleration, s.torque, friction, predicted)
         width = max(1, round(MEAN * s.rate))
         n = s.time.size // width
         means = [filters.means(x, width) for x in series]
-        masks = [x[: n * width].reshape(n, width).all(axis=1) for x in (s.moving, slides)]
+        masks = [x[: n * width].reshape(n, width).all(axis=1) for x in (s.moving, slides, settles)]
         known = np.broadcast_to(0.0, n) if s.model_torque is None else filters.means(s.model_torque, width)
         columns.append([*means, known, np.full(n, number, dtype=np.int32), *masks])
         error = np.zeros(0) if means_alone else (s.torque - predicted)[slides]
@@ -341,8 +324,10 @@ def residual_of(parts: Sequence[Part], *, means_alone: bool = False) -> Residual
         np.concatenate(each) if len(each) > 1 else each[0] for each in map(list, zip(*columns, strict=True))
     ]
     rate = float(np.median([s.rate for s, *_ in parts]))
+    if not joined[-1].any():
+        joined[-1] = joined[-2]
     return Residual(
-        **dict(zip((*names, "moving", "sliding"), joined, strict=True)),
+        **dict(zip((*names, "moving", "sliding", "settled"), joined, strict=True)),
         period=max(1, round(MEAN * rate)) / rate,
         wild=far / count if count else 0.0,
         step=0.0 if means_alone else min(resolution(s.torque) for s, *_ in parts),
