@@ -53,6 +53,7 @@ def test_the_model_says_how_far_off_it_is_without_gravity():
     spread = np.quantile(np.abs(pull - pull.mean()), 0.95)
     assert one.bands.moving.half_width == pytest.approx(spread, rel=0.1)
     assert validate(result.model, [given])["j"].rms == pytest.approx(pull.std(), rel=0.1)
+    assert "counts gravity along the integrated velocity" in result.evidence[0].verdict
     assert result.evidence[0].residual is not None and one.held_out.residual < 1.0  # %
 
 

@@ -20,6 +20,7 @@ from backdrive.identification.signals import Signals
 from backdrive.identification.terms import GRAVITY, estimates
 from backdrive.model import JointFriction
 
+APART = "What it explains counts gravity along the integrated velocity, which is no part of the model."
 PAUSE = 0.1  # longest gap between two stretches over which the velocity is integrated [s]
 
 
@@ -68,5 +69,10 @@ def without_gravity(
         left, dynamics=kept | estimates({"offset": (before + mean, math.nan)}, friction.joint.unit)
     )
     parts = parts_of(left, stretches, True)
-    more = {"bands": bands_of(parts), "long_run": long_run_of(parts), "unplaced": math.hypot(sine, cosine)}
-    return left, replace(evidence, **more)
+    return left, replace(
+        evidence,
+        bands=bands_of(parts),
+        long_run=long_run_of(parts),
+        unplaced=math.hypot(sine, cosine),
+        verdict=f"{evidence.verdict} {APART}",
+    )
