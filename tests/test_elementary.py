@@ -67,6 +67,12 @@ def test_decay_at_its_edges(x):
     with np.errstate(under="ignore"):
         expected = float(np.exp(x)) if x >= -708.0 or math.isnan(x) else 0.0
     assert same(elementary.decay(x), expected)
+    assert same(elementary.decay_of_one(x), expected)
+
+
+def test_one_decay_is_that_of_many():
+    x = [*-np.random.default_rng(3).uniform(0.0, 720.0, MANY), *-(10.0 ** np.linspace(-320.0, 3.0, MANY))]
+    assert all(same(elementary.decay_of_one(float(y)), elementary.decay(float(y))) for y in x)
 
 
 def test_power_is_right_to_the_last_place():

@@ -90,11 +90,7 @@ def _half_pi() -> int:
     return total // 2
 
 
-def _table(rows: list) -> np.ndarray:
-    """Return a table as compiled code reads it fastest, or as plain Python does."""
-    return np.array(rows) if COMPILED else rows  # type: ignore[return-value]
-
-
+_table = np.array if COMPILED else list  # as compiled code reads it fastest, or as plain Python does
 LOGARITHMS, LOG_2 = _logarithms()
 POWERS = _table(_powers())
 LOGS = _table(
@@ -181,12 +177,11 @@ def power_of_two(wide: float):
 
 
 @leaf
-def decay(x: float):
-    """Return e^x for x <= 0; 0 below -708. Of arithmetic alone, so that a compiler takes several numbers at once."""
-    y = FAR if x < SMALLEST else x
-    wide = y * BY_LOG_2 + MAGIC
+def exp_below(x: float):
+    """Return e^x for SMALLEST <= x <= 0, and 0 for FAR."""
+    wide = x * BY_LOG_2 + MAGIC
     count = wide - MAGIC
-    high, low = y - count * LOG_2_HIGH, count * LOG_2_LOW  # the first exact
+    high, low = x - count * LOG_2_HIGH, count * LOG_2_LOW  # the first exact
     r = high - low
     square = r * r
     even = HALF + square * (E4 + square * (E6 + square * (E8 + square * E10)))
@@ -195,16 +190,24 @@ def decay(x: float):
 
 
 @leaf
+def decay(x: float):
+    """Return e^x for x <= 0; 0 below -708. Of arithmetic alone, so that a compiler takes several numbers at once."""
+    return exp_below(FAR if x < SMALLEST else x)
+
+
+@leaf
+def decay_of_one(x: float):
+    """Return `decay` of a single number: where it is 1 or 0, nothing waits for it."""
+    return 1.0 if x == 0.0 else 0.0 if x < SMALLEST else exp_below(x)
+
+
+@leaf
 def exp(x: float):
     """Return e^x; 0 below -708."""
     inside = SMALLEST <= x <= LARGEST
     S, t, rest = exponential(x if inside else 0.0, 0.0)
     value = (S + S * t) * rest
-    if inside:
-        return value
-    if x < SMALLEST:
-        return 0.0
-    return inf if x > LARGEST else nan
+    return value if inside else 0.0 if x < SMALLEST else inf if x > LARGEST else nan
 
 
 @leaf
@@ -247,9 +250,7 @@ def log(x: float):
     """Return the natural logarithm; -inf at 0, NaN below."""
     y, halvings = normal(x)
     value = logarithm(y, halvings)[0]
-    if 0.0 < x < inf:
-        return value
-    return -inf if x == 0.0 else (inf if x == inf else nan)
+    return value if 0.0 < x < inf else -inf if x == 0.0 else inf if x == inf else nan
 
 
 @leaf
@@ -285,9 +286,7 @@ def tanh(x: float):
         value = x + x * z * (T3 + z * (T5 + z * (T7 + z * (T9 + z * series))))
         return value if value != 0.0 else x  # -0 stays
     if not size < 22.0:
-        if size >= 22.0:
-            return 1.0 if x > 0.0 else -1.0
-        return nan
+        return (1.0 if x > 0.0 else -1.0) if size >= 22.0 else nan
     S, t, _ = exponential(-2.0 * size, 0.0)
     high = S + S * t
     low = (S - high) + S * t

@@ -74,7 +74,8 @@ def narrow(v_free, dt_over_m, widening):
 @leaf
 def implicit_velocity(rate, element, p, x, v_free, h, dt_over_m, widening, load, temp):
     """Velocity of a mass after a step h under friction whose bounds are widened by `widening` >= 0."""
-    v_free = narrow(v_free, dt_over_m, widening)
+    if widening > 0.0:
+        v_free = narrow(v_free, dt_over_m, widening)
     return kernels.solve_step(rate, element, p, x, v_free, h, dt_over_m, load, temp)
 
 

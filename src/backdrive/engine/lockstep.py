@@ -91,7 +91,7 @@ def begin_search(holds: int, rate: int, element: int, place: int, Q: Any, N: Any
             _, friction = kernels.step_one(
                 rate, element, True, column(Q, w), place, N.state[w], rest, rest * h, h, pair, N.temp[w]
             )
-        excess = toward * (rest + by_mass * friction - free)
+        excess = (0.0 - toward * free) + toward * by_mass * friction
         sound = abs(free) < np.inf and (held or abs(excess) < np.inf)
         speed = abs(excess)
         N.velocity[w] = 0.0 if sound else np.nan
@@ -116,7 +116,7 @@ def try_speeds(holds: int, rate: int, element: int, place: int, Q: Any, N: Any, 
             z, friction = kernels.step_one(
                 rate, element, True, column(Q, w), place, N.state[w], at, at * h, h, pair, N.temp[w]
             )
-        excess = toward * (v + N.by_mass[w] * friction - free)
+        excess = (speed - toward * free) + toward * N.by_mass[w] * friction
         # all numbers first, so that no branch stands around a load
         low, low_excess, high, high_excess = N.low[w], N.low_excess[w], N.high[w], N.high_excess[w]
         stride, side, live, velocity = N.stride[w], N.side[w], N.live[w] > 0.0, N.velocity[w]
@@ -124,9 +124,13 @@ def try_speeds(holds: int, rate: int, element: int, place: int, Q: Any, N: Any, 
         strong = excess > 0.0
         unknown = high == np.inf and not strong
         strides = unknown and n < kernels.STEPS
+        share = kernels.remainder(excess, high_excess if strong else low_excess)
         low, high = low if strong else speed, speed if strong else high
-        low_excess = (0.5 * low_excess if side > 0.0 else low_excess) if strong else excess
-        high_excess = excess if strong else (0.5 * high_excess if side < 0.0 and not strides else high_excess)
+        less = share * (low_excess if strong else high_excess)
+        low_excess, high_excess = (
+            (less if side > 0.0 else low_excess) if strong else excess,
+            excess if strong else (less if side < 0.0 else high_excess),
+        )
         secant = high - high_excess * (high - low) / (high_excess - low_excess)
         following = secant if n < 2 * kernels.STEPS else 0.5 * (low + high)
         close = abs(excess) <= smallest

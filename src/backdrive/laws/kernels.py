@@ -20,6 +20,7 @@ import numpy as np
 from backdrive._assembly import assemble
 from backdrive._jit import by_python, choice, jit, ladder, leaf, specialise
 from backdrive._types import Array, Pair
+from backdrive.elementary import decay, decay_of_one
 from backdrive.laws import ELEMENTS, RATES, REFERENCE, absent, growth
 from backdrive.laws.base import MOST, Rows, kernels_of
 from backdrive.laws.elements import none
@@ -198,10 +199,8 @@ def solve_step(
 @leaf
 def _balance(  # noqa: PLR0912  (a kernel calls little; its row)
     rate: int, element: int, p: Array, x: Array, v_free: float, dt: float, dt_over_m: float, load: Pair, temp: float,
-):  # fmt: skip
+) -> tuple[float, bool, float]:  # fmt: skip
     """Velocity that `solve` finds, whether the last trial was at it, and the state after that trial where that is a number."""
-    if not np.isfinite(v_free):
-        return np.nan, False, 0.0
     if HOLDS and HOLDS >> element & 1:
         lo, hi, _ = limits(rate, p, 0.0, load, temp)
         if dt_over_m * lo <= v_free <= dt_over_m * hi:
@@ -209,59 +208,66 @@ def _balance(  # noqa: PLR0912  (a kernel calls little; its row)
     toward, close = 1.0, 0.0  # at rest any direction serves; a fixed one does not wait for v_free
     if HOLDS and HOLDS >> element & 1 and not v_free > 0.0:
         toward = -1.0
+    free, pull = toward * v_free, toward * dt_over_m
     # a: a speed at which friction is too weak; b: a speed at which it is too strong, infinite until one is known
     a, excess_a, b, excess_b = 0.0, 0.0, np.inf, np.inf
     speed, growth_of_b, side = 0.0, 2.0, 0
     for k in range(-1, 3 * STEPS):
-        excess, z = _excess(rate, element, p, x, speed, toward, v_free, dt, dt_over_m, load, temp)
+        friction, z = _friction_at(rate, element, p, x, speed, toward, dt, load, temp)
+        excess = (speed - free) + pull * friction
         if k < 0:  # at rest: the direction of motion, and a first speed
             if excess == 0.0 or not np.isfinite(excess):
                 return 0.0 if excess == 0.0 else np.nan, False, 0.0
             if excess > 0.0:
-                toward = -toward
+                toward, free, pull = -toward, -free, -pull
             speed = abs(excess)
             excess_a, close = -speed, CLOSE * (abs(v_free) + speed)
             continue
         if abs(excess) <= close:
             return toward * speed, True, z
         if excess > 0.0:
-            b, excess_b = speed, excess
             if side > 0:
-                excess_a *= 0.5
+                excess_a *= remainder(excess, excess_b)
+            b, excess_b = speed, excess
             side = 1
         else:
+            if side < 0:
+                excess_b *= remainder(excess, excess_a)
             a, excess_a = speed, excess
             if b == np.inf:
                 speed -= growth_of_b * excess
                 growth_of_b *= 2.0
                 if k < STEPS:
                     continue
-            if side < 0:
-                excess_b *= 0.5
             side = -1
-        # regula falsi, exact for a straight line, with half the residual at an end that stays (Illinois); then bisection
+        # regula falsi, exact for a straight line, with less of the residual at an end that stays (`remainder`); then bisection
         speed = b - excess_b * (b - a) / (excess_b - excess_a) if k < 2 * STEPS else 0.5 * (a + b)
         if not a < speed < b:
             break
     return toward * (b - excess_b * (b - a) / (excess_b - excess_a)), False, 0.0
 
 
+@leaf
+def remainder(after: float, before: float):
+    """Share of the residual that counts at an end of a bracket that stays (N. Anderson, A. Bjorck, BIT 13, 1973)."""
+    share = 1.0 - after / before  # of the residuals at the other end
+    return share if share > 0.0 else 0.5
+
+
 @ladder
-def _excess(  # noqa: PLR0913  (a kernel's row)
-    rate: int, element: int, p: Array, x: Array, speed: float, toward: float, v_free: float, dt: float, dt_over_m: float,
-    load: Pair, temp: float,
+def _friction_at(
+    rate: int, element: int, p: Array, x: Array, speed: float, toward: float, dt: float, load: Pair, temp: float,
 ):  # fmt: skip
-    """Residual of the balance at a trial speed, along the direction of motion, and the state after it; a row stands in `x`."""
-    v, z = toward * speed, 0.0
-    at = slow(v)
+    """Friction at a trial speed in a direction, and the state after it; a row stands in `x`."""
+    z, v = 0.0, slow(toward * speed)
     if HOLDS and HOLDS >> element & 1:
-        lo, hi, viscous = limits(rate, p, v, load, temp)
+        lo, hi, viscous = limits(rate, p, toward * speed, load, temp)
         friction = (hi if toward > 0.0 else lo) + viscous
     elif ROWS and ROWS >> element & 1:
-        friction = step_at(rate, element, False, p, x, x[x.size // 2 :], at, at * dt, dt, load, temp)
+        friction = step_at(rate, element, False, p, x, x[x.size // 2 :], v, v * dt, dt, load, temp)
     else:
-        z, friction = step_one(rate, element, False, p, begin(p), x[0], at, at * dt, dt, load, temp)
-    return toward * (v + dt_over_m * friction - v_free), z
+        z, friction = step_one(rate, element, False, p, begin(p), x[0], v, v * dt, dt, load, temp)
+    return friction, z
 
 
 @jit
@@ -309,16 +315,8 @@ def parts(rates: Iterable[int], elements: Iterable[int] = (), plain: bool = Fals
     sets = [("ROWS", ROWS, which), ("MOVES", MOVES, which), ("HOLDS", HOLDS, which), ("DRIVES", DRIVES, laws)]
     result: dict[Any, Any] = {curve: tuple(laws)}
     if which:
-        elements_kernels = (
-            carry_row,
-            carry_moving,
-            carry_plain,
-            look_ahead,
-            weight,
-            follow,
-            torque_of_states,
-        )
-        result |= {kernel: tuple(which) for kernel in elements_kernels}
+        steps = carry_row, carry_moving, carry_plain
+        result |= {kernel: tuple(which) for kernel in (*steps, look_ahead, weight, follow, torque_of_states)}
     for name, kinds, among_them in sets:
         inside = {kinds >> kind & 1 for kind in among_them}
         if len(inside) == 1:  # all bits or none, so that no kind has to be looked up
@@ -347,4 +345,4 @@ def of_kinds(
 
 @cache
 def _of_kinds(kernel: Any, rates: tuple[int, ...], elements: tuple[int, ...], plain: bool) -> Any:
-    return assemble(kernel, parts(rates, elements, plain) | ONE_AT_A_TIME)
+    return assemble(kernel, parts(rates, elements, plain) | ONE_AT_A_TIME | {decay: decay_of_one})

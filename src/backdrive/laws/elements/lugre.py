@@ -25,6 +25,7 @@ from backdrive._types import Array
 from backdrive.elementary import decay
 from backdrive.laws.base import Element, Parameter, Rate
 
+FAR = 1e250  # largest torque of a bristle's own, so that nothing overflows [N.m or N]
 TINY = 1e-300  # keeps a denominator above 0 without changing any other value
 CANUDAS = "Canudas de Wit et al., IEEE TAC 40(3), 1995, Table I"
 
@@ -47,12 +48,9 @@ def weight(p: Array, e: int, v: float):
 @leaf
 def ahead(p: Array, e: int, lo: float, hi: float, dp: float):
     """Numbers of a tick that do not depend on the state and give the next one: reach and part."""
-    reach = p[e] * dp
+    reach = min(max(p[e] * dp, -FAR), FAR)
     s = hi if dp > 0.0 else lo
-    part = s / (s + reach + TINY)
-    if not part > 1e-16:  # where reach may overflow, or s is 0
-        reach, part = 1e150 * s, 1e-150  # the state becomes s
-    return reach, part
+    return reach, s / (s + (reach + TINY))
 
 
 @leaf
