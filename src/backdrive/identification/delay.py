@@ -8,6 +8,7 @@ import numpy as np
 
 from backdrive.identification.signals import Signals
 
+LATE = 0.015  # least delay of the torque with a remark [s]
 PIECE = 65_536  # number of samples that are interpolated together
 
 
@@ -69,6 +70,11 @@ def delay_signals(signals: Signals, delay: float) -> Signals:
     return replace(
         delay_motion(signals, delay), jerk=earlier(signals.jerk, samples), sliding=sliding & signals.moving
     )
+
+
+def in_step(signals: Signals, delay: float) -> Signals:
+    """Return signals whose motion is as late as their torque, where that is worth a remark: for residuals, away from reversals."""
+    return delay_signals(signals, delay) if abs(delay) >= LATE else signals
 
 
 def delay_motion(signals: Signals, delay: float) -> Signals:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from backdrive.identification.bands import bands_of, long_run_of
+from backdrive.identification.delay import in_step
 from backdrive.identification.dynamics import rest_and_total
 from backdrive.identification.quality import grade
 from backdrive.identification.residual import Part, residual_of
@@ -27,9 +28,9 @@ def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
 
 
 def parts_of(friction: JointFriction, stretches: Iterable[Signals], fitted: bool) -> list[Part]:
-    """Return stretches with measured friction and predicted torque, as arguments of `evidence`."""
+    """Return stretches, `in_step`, with measured friction and predicted torque, as arguments of `evidence`."""
     torques = [(s, *rest_and_total(friction, s)) for s in stretches]
-    return [(s, s.torque - rest, total, fitted) for s, rest, total in torques]
+    return [(in_step(s, friction.delay), s.torque - rest, total, fitted) for s, rest, total in torques]
 
 
 def evidence(

@@ -177,6 +177,14 @@ def delay_range(case: Case) -> Remark | None:
     value, error = case.value("time_slip")
     if case.known_delay is not None:
         return None  # the rule of `user_delay` compares it with the motion
+    end, spread = case.value("delay")
+    if math.isnan(spread) and abs(end) > 0.0:
+        return Remark(
+            severity="care",
+            sentence=f"The delay of the torque ended at the edge of its range, {1e3 * end:.3g} ms: it may be longer, or the motion "
+            "does not tell it, and friction is wrong with it. Align the channels (`backdrive inspect`), or give it (--known "
+            "delay=SECONDS).",
+        )
     spread = 2.0 * error if math.isfinite(error) else 0.0
     if not abs(value) + spread >= LARGEST_SLIP:
         return None
@@ -195,6 +203,12 @@ def delay_range(case: Case) -> Remark | None:
             severity="care",
             sentence=f"The delay of the torque is known to ± {1e3 * spread:.2g} ms only. Align the channels (`backdrive inspect`), "
             "or give it (--known delay=SECONDS).",
+        )
+    if 0.0 < error < math.inf:
+        return Remark(
+            severity="care",
+            sentence=f"The delay of the torque, {1e3 * value:.3g} ± {1e3 * error:.2g} ms, is hardly known, and friction with it. "
+            "Align the channels (`backdrive inspect`), give it (--known delay=SECONDS), or look for a filter in one of them.",
         )
     return Remark(
         severity="care",

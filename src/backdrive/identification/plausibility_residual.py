@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.identification import lateness
+from backdrive.identification.delay import LATE
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
@@ -23,7 +24,6 @@ MOST = (
     1.5  # largest plausible explained residual, relative to the friction; above, terms are not separated [-]
 )
 LEFT = 0.1  # largest slow residual without a remark, relative to the friction [-]
-LATE = 0.015  # least delay of the torque with a remark [s]
 WORTH = 0.96  # largest residual after correction of the delay for a remark, relative to that before [-]
 WILD = 3e-3  # largest share of outliers without a remark [-]
 COARSE = 0.25  # largest step of the measured torque without a remark, relative to the friction [-]
@@ -59,17 +59,18 @@ def delay(case: Case) -> Remark | None:
     sure = beside is not None and beside[1] <= WORTH
     if beside is not None and sure:
         found = beside
-    known = max(
-        (abs(case.value(term)[0]) for term in ("delay", "time_slip") if term in case.friction.dynamics),
-        default=0.0,
-    )
-    told = abs(known - abs(found[0])) < 0.3 * abs(found[0])
-    if told and known >= LARGEST_SLIP:
+    known = max((case.value(term)[0] for term in ("delay", "time_slip")), key=lambda x: abs(np.nan_to_num(x)))
+    counted = (
+        "time_slip" in case.friction.dynamics and abs(known) >= LATE
+    )  # the residual is `in_step` with it
+    late = found[0] + (known if counted else 0.0)
+    told = abs(abs(np.nan_to_num(known)) - abs(late)) < 0.3 * abs(late)
+    if told and abs(known) >= LARGEST_SLIP:
         return None  # `delay_range` reports it with its standard error
-    way = "later" if found[0] > 0.0 else "earlier"
+    way = "later" if late > 0.0 else "earlier"
     return Remark(
         severity="note" if told or not sure else "care",
-        sentence=f"Torque comes about {1e3 * abs(found[0]):.0f} ms {way} than motion"
+        sentence=f"Torque comes about {1e3 * abs(late):.0f} ms {way} than motion"
         + ("." if sure else ", or friction builds up over a distance: the motion does not tell which."),
     )
 

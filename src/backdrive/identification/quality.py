@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from backdrive.identification.delay import in_step
 from backdrive.identification.dynamics import predict
 from backdrive.identification.residual import Part
 from backdrive.identification.signals import Signals
@@ -98,7 +99,9 @@ def assess(friction: JointFriction, stretches: Iterable[Signals]) -> Quality:
     Raises:
         InvalidInput: the model needs a channel that the log does not hold.
     """
-    return judge((s.torque, predict(friction, s), s.rate, s.sliding) for s in stretches)
+    return judge(
+        (s.torque, predict(friction, s), s.rate, in_step(s, friction.delay).sliding) for s in stretches
+    )
 
 
 def assess_parts(parts: Iterable[Part]) -> Quality:
