@@ -8,12 +8,16 @@ import pytest
 from _synthetic import any_motion
 from backdrive import identify
 from backdrive.errors import InvalidInput
+from backdrive.identification import validate
 from backdrive.identification.alignment import is_of_joint
 from backdrive.identification.delay import LATE
 from backdrive.identification.lateness import delay, delay_beside_distance
 from backdrive.identification.names import same_names
+from backdrive.identification.plausibility_numbers import delay_at_bound
 from backdrive.identification.quality import grade
+from backdrive.identification.remark import Case
 from backdrive.logs.log import Joint, Log
+from backdrive.model import Estimate
 from backdrive.plans import Multisine
 
 
@@ -253,3 +257,57 @@ def turning(width, *, rate=200.0, seconds=1.4, warming=0.0, colour=0.0, seed=0):
 def test_friction_that_builds_up_is_not_warming(seed, width, warming, colour):
     sentences = remarks(turning(width, warming=warming, colour=colour, seed=seed))[1]
     assert any("Friction changes over the log" in s for s in sentences) is bool(warming), sentences
+
+
+def test_a_torque_that_is_late_but_found_leaves_no_residual():
+    late = any_motion(dry, delay=0.05)
+    result = identify(late, method="motion", accept=("time-slip",))
+    one = result.model.joints[0]
+    assert one.delay == pytest.approx(0.05, abs=1e-3) and one.held_out.residual < 2.0  # %
+    assert validate(result.model, [late])["j1"].residual < 2.0
+    assert len(one.warnings) == 1 and "this delay was estimated and corrected" in one.warnings[0]
+
+
+def test_another_load_in_one_of_several_logs():
+    logs = [any_motion(dry, inertia=j, seed=k, phase=3.0 * k) for k, j in enumerate((0.5, 0.7))]
+    (said,) = identify(logs, method="motion").model.joints[0].warnings
+    assert "Inertia or gravity differs between the logs" in said
+
+
+def test_fine_cogging(sound):
+    sentences = remarks(sound.replace(torque=sound.torque + 0.5 * np.sin(60.0 * sound.position)))[1]
+    assert any("Torque follows the position every 0.1" in s for s in sentences)
+
+
+@pytest.mark.parametrize(("speeds", "said"), [((0.1, 0.3, 1.0, 2.0), False), ((0.1, 0.15, 1.5, 2.0), True)])
+def test_speeds_at_which_the_joint_hardly_moved(speeds, said):
+    moves = np.concatenate([np.r_[np.full(700, v), np.full(700, -v)] for v in speeds] * 2)
+    dq = np.convolve(moves, np.ones(20) / 20, "same")
+    tau = dry(dq) + 0.3 * np.gradient(dq) * 500.0 + 0.05 * np.random.default_rng(2).standard_normal(dq.size)
+    log = Log(
+        time=np.arange(dq.size) / 500.0,
+        joints=(Joint(name="j1"),),
+        position=np.cumsum(dq) / 500.0,
+        torque=tau,
+    )
+    assert any("hardly moved at speeds between 0.1" in s for s in remarks(log)[1]) is said
+
+
+def test_a_delay_at_the_end_of_its_range_is_not_good(sound):
+    result = identify(sound, method="motion")
+    ended = replace(
+        result.model.joints[0], dynamics={"delay": Estimate(value=0.05, standard_error=np.nan, unit="s")}
+    )
+    case = Case(friction=ended, evidence=result.evidence[0])
+    assert delay_at_bound(case).severity == "care" and "50 ms" in delay_at_bound(case).sentence
+    assert delay_at_bound(replace(case, known_delay=0.05)) is None
+
+
+def test_validation_names_the_joints_that_have_no_partner(sound):
+    other = replace(sound, joints=(Joint(name="a"), Joint(name="b")), **{
+        name: np.column_stack([getattr(sound, name)] * 2) for name in ("position", "torque")
+    })  # fmt: skip
+    model = identify(other, method="motion").model
+    again = replace(other, joints=(Joint(name="a"), Joint(name="c")))
+    (said,) = validate(model, [again]).remarks
+    assert "b of the model, c of the logs" in said and "--rename" in said

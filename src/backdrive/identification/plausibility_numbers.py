@@ -19,6 +19,8 @@ PHASE = 0.5  # largest part of gravity that a known torque has not got, relative
 KNOWN_DELAY = 0.1  # largest relative standard error of a known delay [-]
 ONE_WAY = 0.05  # ratio of the directions' top speeds below which the motion has one direction only [-]
 UNEQUAL = 3.0  # largest ratio of the directions' friction without a remark [-]
+GAP = 4.0  # ratio of two speeds between which some motion is expected [-]
+FEWEST_INSIDE = 0.02  # least share of the means between them [-]
 FASTEST = {"rad": 2000.0, "m": 100.0}  # highest possible speed of a joint [rad/s or m/s]
 
 
@@ -148,6 +150,29 @@ def certainty(case: Case) -> Remark | None:
     )
 
 
+def speed_gap(case: Case) -> Remark | None:
+    """Remark on speeds between slow and fast motion at which the joint hardly moved."""
+    res = case.residual
+    if res is None:
+        return None
+    speeds = np.sort(np.abs(res.velocity[res.moving]))
+    speeds = speeds[speeds >= max(case.friction.validity.lowest_speed or 0.0, 1e-9)]
+    inside = np.searchsorted(speeds, GAP * speeds, side="left") - np.arange(speeds.size) - 1
+    few = (inside < max(FEWEST_INSIDE * speeds.size, 1.0)) & (
+        GAP * speeds < (speeds[-1:] if speeds.size else 0.0)
+    )
+    if not few.any():
+        return None
+    starts = speeds[few]
+    below = float(starts[0])
+    above = GAP * float(starts[starts <= GAP * below][-1])
+    return Remark(
+        severity="note",
+        sentence=f"The joint hardly moved at speeds between {below:.2g} and {above:.2g} {case.friction.joint.unit}/s: there the "
+        "curve joins what was measured on both sides. Add motion between them.",
+    )
+
+
 def gravity_apart(case: Case) -> Remark | None:
     """Remark on gravity that was fitted along an integrated velocity, which a model cannot hold."""
     size = case.evidence.unplaced
@@ -172,19 +197,24 @@ def unknown_error(case: Case) -> Remark | None:
     )
 
 
+def delay_at_bound(case: Case) -> Remark | None:
+    """Remark on a delay at which a search ended for want of range."""
+    value, error = case.value("delay")
+    if case.known_delay is not None or not (math.isnan(error) and abs(value) > 0.0):
+        return None
+    return Remark(
+        severity="care",
+        sentence=f"The delay of the torque ended at the edge of its range, {1e3 * value:.3g} ms: it may be longer, or the motion "
+        "does not tell it, and friction is wrong with it. Align the channels (`backdrive inspect`), or give it (--known "
+        "delay=SECONDS).",
+    )
+
+
 def delay_range(case: Case) -> Remark | None:
     """Remark on a delay too long for a clock offset, graver if the delay is poorly known and may be even longer."""
     value, error = case.value("time_slip")
     if case.known_delay is not None:
         return None  # the rule of `user_delay` compares it with the motion
-    end, spread = case.value("delay")
-    if math.isnan(spread) and abs(end) > 0.0:
-        return Remark(
-            severity="care",
-            sentence=f"The delay of the torque ended at the edge of its range, {1e3 * end:.3g} ms: it may be longer, or the motion "
-            "does not tell it, and friction is wrong with it. Align the channels (`backdrive inspect`), or give it (--known "
-            "delay=SECONDS).",
-        )
     spread = 2.0 * error if math.isfinite(error) else 0.0
     if not abs(value) + spread >= LARGEST_SLIP:
         return None

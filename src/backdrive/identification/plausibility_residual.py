@@ -25,6 +25,7 @@ MOST = (
 )
 LEFT = 0.1  # largest slow residual without a remark, relative to the friction [-]
 WORTH = 0.96  # largest residual after correction of the delay for a remark, relative to that before [-]
+MOST_LOGS = 6  # largest number of stretches whose loads are compared
 WILD = 3e-3  # largest share of outliers without a remark [-]
 COARSE = 0.25  # largest step of the measured torque without a remark, relative to the friction [-]
 FEW_STEPS = 0.3  # largest encoder step without a remark, relative to the travel in `MEAN` at top speed [-]
@@ -132,6 +133,10 @@ def structure(case: Case) -> Remark | None:
             ((res.predicted * late,), f"The torque changed midway, by {share}: its gain, or its sign."),
         ]
     causes += [((way * load,), follows_load), ((way * _static_load(case, res),), follows_load)]
+    if columns_by_log := _by_log(case, res):
+        causes.append(
+            (columns_by_log, f"Inertia or gravity differs between the logs, by {share}: another load.")
+        )
     explained = res.explain_each(*(columns for columns, _ in causes))
     highest = {changes: OF_CHANGE, follows_load: CHANCE}
     tests = [
@@ -180,6 +185,17 @@ def _lasting(
         return None
     again = res.near.explain_each([column[res.is_near] for column in columns])[0]
     return found if again is not None and again.chance < chance else None
+
+
+def _by_log(case: Case, res: Residual) -> tuple[np.ndarray, ...]:
+    """Return columns of an inertia and gravity of each log but the first of a few, (n,) each."""
+    parts = np.unique(res.part)
+    if len(case.logs) < 2 or not 1 < parts.size <= MOST_LOGS:
+        return ()
+    rows = [res.acceleration]
+    if np.isfinite(res.position).all():
+        rows += list(columns(res, GRAVITY))
+    return tuple(row * (res.part == part) for part in parts[1:] for row in rows)
 
 
 def _times(res: Residual) -> list[np.ndarray]:

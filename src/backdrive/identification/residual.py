@@ -29,7 +29,7 @@ BLOCK = 0.4  # length of a block of means [s]
 FEWEST_BLOCKS = 8  # least number of blocks for a test, in excess of the number of columns
 WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
 OUTLYING = 3.0  # the same of a mean
-FINEST = 60.0  # largest wave number over position [rad/rad or rad/m]
+FINEST = 100.0  # largest number of waves over the range of positions
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
 MOST = 4_000_000  # largest product of means and wave numbers in the search for a wave
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
@@ -219,8 +219,10 @@ class Residual:
         if self.time.size < 2 or not np.isfinite(self.position).all():
             return none
         span, top = float(np.ptp(self.position)), float(np.abs(self.velocity).max())
-        finest = min(FINEST, 0.5 * np.pi / (self.period * max(top, 1e-12)))
-        if not span > 0.0 or finest <= 2.0 * np.pi / span:
+        if not span > 0.0:
+            return none
+        finest = min(2.0 * np.pi * FINEST / span, 0.5 * np.pi / (self.period * max(top, 1e-12)))
+        if finest <= 2.0 * np.pi / span:
             return none
         step = max(0.5 * np.pi / span, finest * self.time.size / MOST)
         waves = np.arange(2.0 * np.pi / span, finest, step)

@@ -150,6 +150,8 @@ def drive_delays(
     near, far = sorted((abs(delay), abs(delay + 0.5 * period)))
     if near < PLAIN * error and far > SIGNIFICANT * error:
         return delays, errors, []  # either commanded or sampled, as usual
+    if abs(delay) < error and late <= period:
+        return delays, errors, []  # nothing worth saying was corrected
     amount = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
     how = f"was logged {amount} after it acted"
     if late <= period:

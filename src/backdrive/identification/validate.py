@@ -67,6 +67,12 @@ def validate(
     said += same_names(
         [j.joint for j in model.joints], [joint for log in logs for joint in log.joints], "model", "logs"
     )
+    alone = [n for n in model.names if n not in shared], [n for n in logs[0].names if n not in model.names]
+    if all(alone):
+        ours, theirs = (", ".join(map(str, names)) for names in alone)
+        said.append(
+            f"Not compared: {ours} of the model, {theirs} of the logs. If they are the same joints, match them with --rename."
+        )
     idle = moving_joints(logs, None)[1]
     result: dict[str, Quality] = {}
     for name in shared:

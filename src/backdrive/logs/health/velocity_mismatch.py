@@ -17,6 +17,9 @@ CLOCK, SURE = 0.02, 3.0
 DELAY_SAMPLES, DELAY = 6.0, 0.025
 #: And the delay explains what position and velocity do not share: without it this many times as much is left.
 _HELPS = 1.5
+BY_HAND = (
+    "Compare the clock and both scales with the machine; correct one with --map, or do not map the velocity."
+)
 
 
 @check("velocity-mismatch", "a velocity that is not the derivative of the position")
@@ -31,6 +34,7 @@ def find(exam: Exam) -> Iterator[Finding]:
             continue
         severity, value, sentence = said
         mend = "Leave velocity out, so that it is derived from position (--repair does), or correct it with --map."
+        mend = BY_HAND if _clock(fit) else mend
         keep = "No action is needed. To avoid the delay, leave velocity out, so that it is derived from position."
         yield Finding(
             joint=joint,
