@@ -133,14 +133,14 @@ def structure(case: Case) -> Remark | None:
             ((res.predicted * late,), f"The torque changed midway, by {share}: its gain, or its sign."),
         ]
     causes += [((way * load,), follows_load), ((way * _static_load(case, res),), follows_load)]
-    if columns_by_log := _by_log(case, res):
-        causes.append(
-            (columns_by_log, f"Inertia or gravity differs between the logs, by {share}: another load.")
-        )
+    differs = f"Inertia or gravity differs between the logs, by {share}: another load."
+    if loads := _by_log(case, res):
+        causes.append((loads, differs))
     explained = res.explain_each(*(columns for columns, _ in causes))
-    highest = {changes: OF_CHANGE, follows_load: CHANCE}
+    highest = {changes: OF_CHANGE, follows_load: CHANCE, differs: CHANCE}
+    least = STRUCTURE * size
     tests = [
-        (_lasting(res, one, columns, highest[sentence]) if sentence in highest else one, sentence)
+        (_lasting(res, one, columns, highest[sentence], least) if sentence in highest else one, sentence)
         for one, (columns, sentence) in zip(explained, causes, strict=True)
     ]
     of_torque, of_friction = res.over_position
@@ -178,13 +178,13 @@ def structure(case: Case) -> Remark | None:
 
 
 def _lasting(
-    res: Residual, found: Explanation | None, columns: tuple[np.ndarray, ...], chance: float
+    res: Residual, found: Explanation | None, columns: tuple[np.ndarray, ...], chance: float, least: float
 ) -> Explanation | None:
     """Return an explanation if it is sure without the outlying means too; those beside reversals tell no slow cause."""
     if found is None or found.chance >= chance:
         return None
     again = res.near.explain_each([column[res.is_near] for column in columns])[0]
-    return found if again is not None and again.chance < chance else None
+    return found if again is not None and again.chance < chance and again.size > least else None
 
 
 def _by_log(case: Case, res: Residual) -> tuple[np.ndarray, ...]:
