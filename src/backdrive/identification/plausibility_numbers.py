@@ -213,15 +213,18 @@ def delay_at_bound(case: Case) -> Remark | None:
 def delay_range(case: Case) -> Remark | None:
     """Remark on a delay too long for a clock offset, graver if the delay is poorly known and may be even longer."""
     value, error = case.value("time_slip")
-    if case.known_delay is not None:
-        return None  # the rule of `user_delay` compares it with the motion
+    sure = 0.0 < error <= KNOWN_DELAY * abs(value)
+    if case.known_delay is not None or (sure and case.friction.method == "sweep"):
+        return (
+            None  # `user_delay` compares it with the motion; a sweep tells by itself how its torque was timed
+        )
     spread = 2.0 * error if math.isfinite(error) else 0.0
     if not abs(value) + spread >= LARGEST_SLIP:
         return None
     shift = delay(case)
     if shift is not None and shift.severity == "care":
         return None  # the rule `delay` reports another delay that fits better
-    if 0.0 < error <= KNOWN_DELAY * abs(value):
+    if sure:
         return Remark(
             severity="note",
             sentence=f"The torque comes {1e3 * abs(value):.3g} ± {1e3 * error:.2g} ms {'later' if value > 0.0 else 'earlier'} than "
