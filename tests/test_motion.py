@@ -6,8 +6,10 @@ import pytest
 from _synthetic import any_motion
 from backdrive import identify
 from backdrive.errors import NotIdentifiable
+from backdrive.identification.curves import past_rise
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.signals import prepare, turns
+from backdrive.laws import Law, Polyline
 from backdrive.logs.log import Joint, Log
 
 
@@ -189,3 +191,18 @@ def test_a_slow_start_is_no_slow_sliding():
 )
 def test_a_reversal_counts_once_even_where_a_sample_hits_it(velocity, before):
     assert turns(np.array(velocity)).tolist() == before
+
+
+@pytest.mark.parametrize(
+    ("level", "slowest"),
+    [
+        ((0.16, 0.23, 0.36, 0.35, 0.33), 0.02),  # the first two are of elastic parts at reversals
+        ((0.45, 0.40, 0.36, 0.35, 0.33), 0.005),  # a Stribeck peak
+        ((0.01, 0.02, 0.04, 0.4, 2.0), 0.005),  # viscous friction alone
+        ((0.36, 0.36, 0.36, 0.5, 0.9), 0.005),
+    ],
+)
+def test_a_steep_rise_from_rest_is_no_sliding(level, slowest):
+    law = Law(rate=Polyline(velocity=(0.005, 0.01, 0.02, 0.2, 1.0), positive=level, negative=level))
+    assert past_rise(law, 0.001) == slowest
+    assert past_rise(law, 0.3) == 0.3

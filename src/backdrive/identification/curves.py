@@ -267,6 +267,32 @@ def error_of_curve(form: Form, covariance: np.ndarray) -> Callable[[np.ndarray],
     return standard_error
 
 
+NEAR = 0.1  # share of the top speed within which friction of sliding hardly rises steeply [-]
+RISE, STEEP = (
+    0.25,
+    5.0,
+)  # a steep rise, by the friction before it, and by the slope of the curve as a whole [-]
+
+
+def past_rise(law: Law, slowest: float) -> float:
+    """Return the slowest speed of sliding, past a steep rise from rest: there elastic parts deflect, for want of better data.
+
+    Args:
+        law: the fitted law.
+        slowest: speed of sliding in the data [rad/s or m/s].
+    """
+    if not isinstance(rate := law.rate, Polyline):
+        return slowest
+    knots = np.array(rate.velocity)
+    level = 0.5 * (np.abs(rate.positive) + np.abs(rate.negative))
+    for v, friction in zip(knots[:-1].tolist(), level.tolist(), strict=False):
+        beside = (knots > v) & (knots <= v + NEAR * knots[-1])
+        rise, slope = level - friction, (level.max() - friction) / (knots[-1] - v)
+        if not np.any(beside & (rise > RISE * friction) & (rise > STEEP * slope * (knots - v))):
+            return max(slowest, v)
+    return slowest
+
+
 PEAK = 0.25  # standard deviation of friction at rest, relative to the friction of the slowest sliding [-]
 
 

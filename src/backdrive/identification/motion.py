@@ -194,6 +194,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         del later
     choice = design.offset_apart(choice)
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
+    slowest = curves.past_rise(friction.law, slowest)
     friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))
     friction = with_warnings(friction, choice, both)
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)

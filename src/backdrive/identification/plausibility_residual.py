@@ -188,13 +188,13 @@ def _lasting(
 
 
 def _by_log(case: Case, res: Residual) -> tuple[np.ndarray, ...]:
-    """Return columns of an inertia and gravity of each log but the first of a few, (n,) each."""
+    """Return columns of a factor on inertia and one on gravity, of each log but the first of a few, (n,) each."""
     parts = np.unique(res.part)
     if len(case.logs) < 2 or not 1 < parts.size <= MOST_LOGS:
         return ()
-    rows = [res.acceleration]
-    if np.isfinite(res.position).all():
-        rows += list(columns(res, GRAVITY))
+    rows, pull = [res.acceleration], np.array([case.value(term)[0] for term in GRAVITY])
+    if np.isfinite(pull).all() and np.isfinite(res.position).all():
+        rows.append(pull @ columns(res, GRAVITY))
     return tuple(row * (res.part == part) for part in parts[1:] for row in rows)
 
 
