@@ -65,7 +65,7 @@ def delay(case: Case) -> Remark | None:
         "time_slip" in case.friction.dynamics and abs(known) >= LATE
     )  # the residual is `in_step` with it
     late = found[0] + (known if counted else 0.0)
-    told = abs(abs(np.nan_to_num(known)) - abs(late)) < 0.3 * abs(late)
+    told = not counted and abs(abs(np.nan_to_num(known)) - abs(late)) < 0.3 * abs(late)
     if told and abs(known) >= LARGEST_SLIP:
         return None  # `delay_range` reports it with its standard error
     way = "later" if late > 0.0 else "earlier"
