@@ -311,3 +311,12 @@ def test_validation_names_the_joints_that_have_no_partner(sound):
     again = replace(other, joints=(Joint(name="a"), Joint(name="c")))
     (said,) = validate(model, [again]).remarks
     assert "b of the model, c of the logs" in said and "--rename" in said
+
+
+def test_a_delay_beside_another_cause_is_in_doubt():
+    late = any_motion(dry, delay=0.05)
+    level, sentences = remarks(
+        late.replace(torque=late.torque + 0.4 * np.sin(9.0 * late.position)), accept=("time-slip",)
+    )
+    assert level == "care" and "What else is said below may look like a delay." in sentences[0]
+    assert any("follows the position" in s for s in sentences)

@@ -8,7 +8,7 @@ import numpy as np
 
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.model_torque import is_gravity
-from backdrive.identification.plausibility_residual import delay
+from backdrive.identification.plausibility_residual import delay, structure
 from backdrive.identification.remark import EARLY, ONE_WAY_ONLY, SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
 from backdrive.laws.direction import ByDirection
@@ -225,11 +225,12 @@ def delay_range(case: Case) -> Remark | None:
     if shift is not None and shift.severity == "care":
         return None  # the rule `delay` reports another delay that fits better
     if sure:
+        other = structure(case)  # what else is the matter may look like a delay
         return Remark(
-            severity="note",
+            severity="note" if other is None else "care",
             sentence=f"The torque comes {1e3 * abs(value):.3g} ± {1e3 * error:.2g} ms {'later' if value > 0.0 else 'earlier'} than "
             "the motion: this delay was estimated and corrected. Record both from one message, or look for a filter "
-            "in one of them.",
+            f"in one of them.{'' if other is None else ' What else is said below may look like a delay.'}",
         )
     if abs(value) < spread:
         return Remark(
