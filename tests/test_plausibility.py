@@ -13,9 +13,10 @@ from backdrive.identification.alignment import is_of_joint
 from backdrive.identification.delay import LATE
 from backdrive.identification.lateness import delay, delay_beside_distance
 from backdrive.identification.names import same_names
-from backdrive.identification.plausibility_numbers import delay_at_bound
+from backdrive.identification.plausibility_numbers import delay_at_bound, unseen_presliding
 from backdrive.identification.quality import grade
 from backdrive.identification.remark import Case
+from backdrive.laws import LuGre
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate
 from backdrive.plans import Multisine
@@ -320,3 +321,17 @@ def test_a_delay_beside_another_cause_is_in_doubt():
     )
     assert level == "care" and "What else is said below may look like a delay." in sentences[0]
     assert any("follows the position" in s for s in sentences)
+
+
+@pytest.mark.parametrize(("counts", "said"), [(4096, True), (2**20, False)])
+def test_an_encoder_too_coarse_for_the_stiffness(sound, counts, said):
+    step = 2.0 * np.pi / counts
+    read = sound.replace(position=step * np.round(sound.position / step))
+    result = identify(sound, method="motion")
+    law = replace(
+        result.model.joints[0].law, element=LuGre(stiffness=5.0 / 1e-3)
+    )  # friction builds up over 1 mrad
+    case = Case(friction=replace(result.model.joints[0], law=law), evidence=result.evidence[0], logs=[read])
+    remark = unseen_presliding(case)
+    assert (remark is not None and remark.severity == "care") is said
+    assert unseen_presliding(replace(case, friction=result.model.joints[0])) is None

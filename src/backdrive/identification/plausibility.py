@@ -44,6 +44,7 @@ RULES: tuple[Rule, ...] = (
     residual.torque_steps,
     residual.encoder_steps,
     residual.wild_samples,
+    numbers.unseen_presliding,
     numbers.speed_gap,
     numbers.gravity_apart,
     numbers.vague_terms,

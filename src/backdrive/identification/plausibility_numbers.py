@@ -19,6 +19,9 @@ PHASE = 0.5  # largest part of gravity that a known torque has not got, relative
 KNOWN_DELAY = 0.1  # largest relative standard error of a known delay [-]
 ONE_WAY = 0.05  # ratio of the directions' top speeds below which the motion has one direction only [-]
 UNEQUAL = 3.0  # largest ratio of the directions' friction without a remark [-]
+COUNTS = (
+    2.0  # least number of the encoder's steps over which friction builds up, for its stiffness to be seen
+)
 GAP = 4.0  # ratio of two speeds between which some motion is expected [-]
 FEWEST_INSIDE = 0.02  # least share of the means between them [-]
 FASTEST = {"rad": 2000.0, "m": 100.0}  # highest possible speed of a joint [rad/s or m/s]
@@ -170,6 +173,21 @@ def speed_gap(case: Case) -> Remark | None:
         severity="note",
         sentence=f"The joint hardly moved at speeds between {below:.2g} and {above:.2g} {case.friction.joint.unit}/s: there the "
         "curve joins what was measured on both sides. Add motion between them.",
+    )
+
+
+def unseen_presliding(case: Case) -> Remark | None:
+    """Remark on a stiffness whose whole deflection is hardly a step of the encoder."""
+    stiffness = getattr(case.friction.law.element, "stiffness", math.nan)
+    if case.residual is None or not stiffness > 0.0:
+        return None
+    distance, unit = case.residual.size / stiffness, case.friction.joint.unit
+    if not COUNTS * case.count > distance:
+        return None
+    return Remark(
+        severity="care",
+        sentence=f"Friction builds up over {distance:.2g} {unit}, and the encoder's step is {case.count:.2g} {unit}: stiffness and "
+        "damping of presliding are not seen, and their errors do not hold. Read a finer encoder, or use a law without presliding.",
     )
 
 
