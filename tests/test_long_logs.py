@@ -7,7 +7,7 @@ import pytest
 
 from backdrive import _memory, identify
 from backdrive.errors import InvalidInput
-from backdrive.identification import block_prediction, delay, noise, quality, regression, residual
+from backdrive.identification import block_prediction, delay, noise, quality, regression, waves
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
@@ -42,7 +42,7 @@ def test_small_pieces_change_no_result(logs, monkeypatch):
         (noise, "PIECE", 50),
         (quality, "LONG", 100),
         (regression, "PIECE", 37),
-        (residual, "FITS", 100),
+        (waves, "FITS", 100),
     )
     for module, name, value in pieces:
         monkeypatch.setattr(module, name, value)
