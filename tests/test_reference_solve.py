@@ -120,10 +120,10 @@ def test_a_slipping_element_that_jumps_at_rest_ends_beside_the_jump():
 @PLAIN
 @pytest.mark.parametrize("name", [*SMOOTH, "none"])
 def test_a_held_mass_is_found_in_few_trials(monkeypatch, name):
-    """Straight curves in a handful, bent ones as a regula falsi whose idle side is halved does: below 16. The first is at rest."""
+    """Straight curves in a handful, bent ones in hardly more. The first is at rest."""
     law, tried = Law(rate=CURVE, element=ELEMENT_EXAMPLES[name]), []
-    real = kernels._excess
-    monkeypatch.setattr(kernels, "_excess", lambda *a: tried.append(1) or real(*a))
+    real = kernels._friction_at
+    monkeypatch.setattr(kernels, "_friction_at", lambda *a: tried.append(1) or real(*a))
     straight = Law(rate=SIDES)
     for v_free in (0.1, -0.2, 5.0):
         tried.clear()
@@ -135,7 +135,7 @@ def test_a_held_mass_is_found_in_few_trials(monkeypatch, name):
             tried.clear()
             solved(law, law.state(), v_free, 1e-3, soft)
             counts.append(len(tried) - 1)
-    assert max(counts) <= 40 and np.mean(counts) <= 13.0
+    assert max(counts) <= 10 and np.mean(counts) <= 5.0
 
 
 # ---------------------------------------------------------------------------------- roots within an element
