@@ -276,8 +276,8 @@ def test_another_load_in_one_of_several_logs():
 
 
 def test_fine_cogging(sound):
-    sentences = remarks(sound.replace(torque=sound.torque + 0.5 * np.sin(60.0 * sound.position)))[1]
-    assert any("Torque follows the position every 0.1" in s for s in sentences)
+    sentences = remarks(sound.replace(torque=sound.torque + 0.5 * np.sin(70.0 * sound.position)))[1]
+    assert any("Torque follows the position every 0.09" in s for s in sentences)
 
 
 @pytest.mark.parametrize(("speeds", "said"), [((0.1, 0.3, 1.0, 2.0), False), ((0.1, 0.15, 1.5, 2.0), True)])

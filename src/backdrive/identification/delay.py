@@ -65,16 +65,26 @@ def delay_signals(signals: Signals, delay: float) -> Signals:
     """Return signals with motion and load delayed by a time [s]; torque and model torque are not shifted."""
     if not delay:
         return signals
-    samples = delay * signals.rate
-    sliding = earlier(signals.sliding.astype(float), float(round(samples))) > 0.5
     return replace(
-        delay_motion(signals, delay), jerk=earlier(signals.jerk, samples), sliding=sliding & signals.moving
+        delay_motion(signals, delay),
+        jerk=earlier(signals.jerk, delay * signals.rate),
+        sliding=_delay_sliding(signals, delay),
     )
+
+
+def _delay_sliding(signals: Signals, delay: float) -> np.ndarray:
+    """Return the mask of `delay_signals`, (n,)."""
+    return (earlier(signals.sliding.astype(float), float(round(delay * signals.rate))) > 0.5) & signals.moving
 
 
 def in_step(signals: Signals, delay: float) -> Signals:
     """Return signals whose motion is as late as their torque, where that is worth a remark: for residuals, away from reversals."""
     return delay_signals(signals, delay) if abs(delay) >= LATE else signals
+
+
+def sliding_in_step(signals: Signals, delay: float) -> np.ndarray:
+    """Return where signals slide `in_step`, (n,), without the rest of them."""
+    return _delay_sliding(signals, delay) if abs(delay) >= LATE else signals.sliding
 
 
 def delay_motion(signals: Signals, delay: float) -> Signals:

@@ -19,7 +19,7 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise
 from backdrive.identification.block_prediction import predict_blocks
-from backdrive.identification.delay import delay_signals, in_step
+from backdrive.identification.delay import delay_signals, sliding_in_step
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.evidence import constant_beside, evidence, parts_of, sentences, without_errors
 from backdrive.identification.jerk import clear_jerk
@@ -234,7 +234,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         friction,
         parts + of_others,
         curves.widen_below(friction.law, slowest, of_curve),
-        settled=[in_step(s, friction.delay).sliding for s in slid],
+        settled=[sliding_in_step(s, friction.delay) for s in slid],
     )
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     fixed = "" if delay is None else describe(delay)

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from backdrive.identification.delay import in_step
+from backdrive.identification.delay import sliding_in_step
 from backdrive.identification.dynamics import predict
 from backdrive.identification.residual import Part
 from backdrive.identification.signals import Signals
@@ -100,7 +100,7 @@ def assess(friction: JointFriction, stretches: Iterable[Signals]) -> Quality:
         InvalidInput: the model needs a channel that the log does not hold.
     """
     return judge(
-        (s.torque, predict(friction, s), s.rate, in_step(s, friction.delay).sliding) for s in stretches
+        (s.torque, predict(friction, s), s.rate, sliding_in_step(s, friction.delay)) for s in stretches
     )
 
 

@@ -71,7 +71,7 @@ class Residual:
         part: number of the stretch, (n,).
         moving: False in long rests, (n,).
         sliding: True away from rests and reversals, (n,).
-        settled: True where it slides and friction no longer builds up, (n,); `sliding` if it always does.
+        settled: True where it slides and friction no longer builds up, (n,); `sliding` if that is nowhere.
         period: time between means [s].
         wild: share of single outliers among the samples [-].
         step: of the measured torque [N.m or N]; 0 without steps.
