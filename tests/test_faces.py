@@ -127,6 +127,12 @@ def test_whole_models_are_compared(model):
     assert compare(model, other, joints={"joint_1": "elbow"}).joints_with_change == ("elbow",)
     with pytest.raises(InvalidInput, match="no joint in common"):
         compare(model, other)
+    nameless = [replace(friction, joint=replace(friction.joint, name=n, named=False)) for n in ("a", "b")]
+    pair = replace(model, joints=tuple(nameless))
+    with pytest.raises(InvalidInput, match=r"names are missing.*first: a, b; second: a, b"):
+        compare(pair, pair)
+    assert len(compare(pair, pair, joints=["a", "b"]).changes) == 2
+    assert len(compare(pair, pair, rename={"a": "b", "b": "a"}).changes) == 2
     with pytest.raises(InvalidInput, match="A dict is no friction model"):
         compare(model, {})
     with pytest.raises(InvalidInput, match="no probability"):

@@ -83,7 +83,8 @@ def compare(
         alarm: probability of a false alarm, for each joint.
 
     Raises:
-        InvalidInput: the models have no joint in common, or a number is invalid.
+        InvalidInput: the models have no joint in common, names are missing in the data of several joints and neither joints
+            nor rename says which is which, or a number is invalid.
         UnknownName: a model does not have the joint.
     """
     for model in (first, second):
@@ -104,7 +105,7 @@ def compare(
             f"alarm = {alarm:g} is no probability.", remedy="Give one between 0 and 1, such as 0.01."
         )
     second = _rename_joints(second, rename or {})
-    pairs, left_out = _pairs(first, second, joints)
+    pairs, left_out = _pairs(first, second, joints, is_told=bool(joints or rename))
     changes = [change_of(first.joint(a), second.joint(b), top_speed=top_speed, alarm=alarm) for a, b in pairs]
     return Comparison(changes=tuple(changes), left_out=tuple(left_out), models=(first, second))
 
@@ -123,15 +124,31 @@ def _rename_joints(model: FrictionModel, names: Mapping[str, str]) -> FrictionMo
 
 
 def _pairs(
-    first: FrictionModel, second: FrictionModel, joints: Sequence[str] | Mapping[str, str] | None
+    first: FrictionModel,
+    second: FrictionModel,
+    joints: Sequence[str] | Mapping[str, str] | None,
+    *,
+    is_told: bool,
 ) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return pairs of names to compare, and a sentence for every joint that only one model has."""
+    """Return pairs of names to compare, and a sentence for every joint that only one model has.
+
+    Default names tell nothing but an order, by which columns that were swapped look like changed joints: several of them
+    are matched only where it was told how.
+    """
     if joints:
         words = dict(joints) if isinstance(joints, Mapping) else {name: name for name in joints}
         return [(first.joint(a).joint.name, second.joint(b).joint.name) for a, b in words.items()], []
     by_order = same_names(
         [j.joint for j in first.joints], [j.joint for j in second.joints], "first", "second"
     )
+    if by_order and not is_told:
+        raise InvalidInput(
+            "Joints cannot be matched: names are missing in the data, and the order of columns alone does not tell which is "
+            f"which (first: {', '.join(first.names)}; second: {', '.join(second.names)}).",
+            remedy=f"If equal names mean equal joints: --joint {first.names[0]}, once for each (in Python "
+            f"joints={list(first.names)!r}). Else --rename {second.names[0]}={first.names[-1]} and so on, or --names when "
+            "reading.",
+        )
     common = [name for name in first.names if name in second.names]
     if not common:
         raise InvalidInput(
@@ -139,9 +156,6 @@ def _pairs(
             remedy=f"Say which is which: --rename {second.names[0]}={first.names[0]}, once for each "
             f"(in Python rename={{{second.names[0]!r}: {first.names[0]!r}}}).",
         )
-    left_out = [
-        *by_order,
-        *(f"Joint '{n}' is only in the first model." for n in first.names if n not in common),
-    ]
+    left_out = [f"Joint '{n}' is only in the first model." for n in first.names if n not in common]
     left_out += [f"Joint '{n}' is only in the second model." for n in second.names if n not in common]
     return [(name, name) for name in common], left_out
