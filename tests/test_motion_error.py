@@ -91,6 +91,9 @@ def test_the_mean_square_is_that_of_whitened_means_of_the_acceleration(orders):
     mean = x.reshape(-1, width).mean(axis=1)
     white = (mean[1:] - correlation * mean[:-1]) / np.sqrt(1.0 - correlation**2)
     error = MotionError(size=size, orders=orders)
+    mean = mean[20:-20]
+    products = np.mean(mean**2), np.mean(mean[1:] * mean[:-1])
+    assert error.between_means(cutoff, RATE, width) == pytest.approx(products, rel=0.03)
     assert error.in_acceleration(cutoff, RATE) == pytest.approx(np.mean(x[100:-100] ** 2), rel=0.02)
     expected = np.mean(white[20:-20] ** 2)
     assert error.in_acceleration(cutoff, RATE, width, correlation) == pytest.approx(expected, rel=0.02)

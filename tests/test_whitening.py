@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from backdrive.identification.motion_bins import Bins
-from backdrive.identification.whitening import neighbours, whiten
+from backdrive.identification.whitening import CLEAN, correlation_of, neighbours, whiten
 
 RNG = np.random.default_rng(4)
 
@@ -49,3 +50,20 @@ def test_the_correlation_of_neighbours_looks_over_no_gap():
     series = np.array([1.0, 2.0, -1.0, 3.0])
     assert neighbours(series, np.array([1, 2, 1])) == pytest.approx((2.0 - 3.0) / 2 / np.mean(series**2))
     assert neighbours(series, np.array([2, 2, 2])) == 0.0 == neighbours(series[:0], np.zeros(0))
+
+
+def test_what_rounding_adds_does_not_hide_the_correlation_of_the_torque_s_noise():
+    """An AR(1), and the difference of white noise that the means of an acceleration from an encoder have."""
+    rng = np.random.default_rng(8)
+    n, correlation, size = 40_000, 0.8, 0.5
+    slow = lfilter([np.sqrt(1.0 - correlation**2)], [1.0, -correlation], rng.standard_normal(n))
+    rounding = size * np.diff(rng.standard_normal(n + 1))
+    used = np.ones(n, dtype=bool)
+    false = 2.0 * size**2, -(size**2)
+    assert correlation_of(slow, used, CLEAN) == pytest.approx(correlation, abs=0.02)
+    hidden = (correlation - size**2) / (1.0 + 2.0 * size**2)
+    assert correlation_of(slow + rounding, used, CLEAN) == pytest.approx(hidden, abs=0.03)
+    assert correlation_of(slow + rounding, used, false) == pytest.approx(correlation, abs=0.04)
+    # negative correlation of rounding alone is not touched, and an error that is larger than the residual makes no nonsense
+    assert correlation_of(rounding, used, false) == correlation_of(rounding, used, CLEAN) < -0.4
+    assert 0.0 < correlation_of(slow, used, (100.0, -50.0)) <= 0.99

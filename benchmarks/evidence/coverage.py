@@ -35,6 +35,7 @@ from _coverage_cells import Number, numbers
 from _coverage_conditions import CONDITIONS
 
 INSIDE = (0.88, 0.99)  # share of truths in the 95 % interval
+WHOLE = 200  # logs of a whole run
 WIDTH = 1.5  # median width by the oracle's, at most
 OPEN = 0.1  # share that may be told nothing of
 BEYOND, SHARE, LOGS = 3.0, 0.1, 0.02  # stated errors; of a log's numbers; of the logs
@@ -44,7 +45,7 @@ ERROR = 1.959964  # half width of a 95 % interval [standard error]
 def main() -> None:
     """Identify every log, print the table, judge the cells."""
     made = parser(__doc__)
-    made.add_argument("--logs", type=int, default=200, help="logs a condition")
+    made.add_argument("--logs", type=int, default=WHOLE, help="logs a condition")
     made.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     made.add_argument("--only", default="", help="conditions whose name holds this")
     made.add_argument("--no-search", action="store_true", help="without the method `dynamic`")
@@ -121,7 +122,7 @@ def _judge(judge: Judge, key: tuple[str, str, str], cell: list[Number], silent: 
         f"{key[0]:30s} {key[1]:24s} {key[2]:9s} {len(by_log):5d} {len(cell):6d} {100 * inside:7.1f}%{widths} "
         f"{100 * open_:6.1f}% {100 * wild:6.1f}%"
     )
-    slack = 2.0 * math.sqrt(0.95 * 0.05 / len(by_log)) if len(by_log) < 200 else 0.0  # of a short run
+    slack = 2.0 * math.sqrt(0.95 * 0.05 / len(by_log)) if logs < WHOLE else 0.0  # of a short run
     off = []
     if not INSIDE[0] - slack <= inside <= min(INSIDE[1] + slack, 1.0):
         off.append(f"{100 * inside:.1f} % inside (88 to 99 %)")

@@ -137,14 +137,15 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
-        false = smooth.error.in_acceleration(corner, rate, max(1, round(seconds * rate)), slip.correlation)
+        false = smooth.error.in_acceleration(corner, rate, width, slip.correlation)
         choice = design.refit(design.fit(blocks, candidate, loss), blocks.without_noise(false))
         bins = bins.map_columns(candidate.spread)
         left = bins.y - bins.X @ choice.coefficients
         return replace(choice, covariance=noise.covariance_of_fit(bins.X, left, bins.used)), bins, lowest
 
     rate = stretches[0].rate
-    corner = smooth.cutoff or default_cutoff(rate)
+    corner, width = smooth.cutoff or default_cutoff(rate), max(1, round(seconds * rate))
+    false_means = smooth.error.between_means(corner, rate, width)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, stretches
 
@@ -174,11 +175,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         return full, list(stretches)  # the choice at the final delay decides
 
     if delay is not None:
-        slip = fix_slip(along := ready(stretches), knots, full, delay)
+        slip = fix_slip(along := ready(stretches), knots, full, delay, false_means)
         slid = stretches if few else at_rough(slip, along, True)[1]
         del along  # long logs fill the memory
     elif not few:
-        slip, coarse, slid = search_slip(stretches, look, knots, full, ready, at_rough)
+        slip, coarse, slid = search_slip(stretches, look, knots, full, ready, at_rough, false_means)
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)

@@ -71,15 +71,30 @@ class MotionError:
             width: length of the means of the acceleration [sample].
             correlation: of neighbouring means, which `Bins.whiten` removes [-].
         """
-        f, power = self.spectrum(cutoff, rate)
-        mean = (np.sin(np.pi * f * width) / (width * np.sin(np.pi * f))) ** 2
-        turn = np.cos(2.0 * np.pi * f * width)
+        power, turn = self._of_means(cutoff, rate, width)
         if correlation < 0.0:
             share = moving_average(correlation)
             white = (1.0 + share**2) / (1.0 + share**2 + 2.0 * share * turn)
         else:
             white = (1.0 + correlation**2 - 2.0 * correlation * turn) / (1.0 - correlation**2)
-        return float(np.mean(power * mean * white))
+        return float(np.mean(power * white))
+
+    def between_means(self, cutoff: float, rate: float, width: int) -> tuple[float, float]:
+        """Return the mean square error of means of the acceleration, and the mean product of neighbours' [rad^2/s^4 or m^2/s^4].
+
+        Args:
+            cutoff: of the low pass [Hz].
+            rate: sampling rate [Hz].
+            width: length of the means [sample].
+        """
+        power, turn = self._of_means(cutoff, rate, width)
+        return float(np.mean(power)), float(np.mean(power * turn))
+
+    def _of_means(self, cutoff: float, rate: float, width: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the power of means of the acceleration by frequency, and the real part of the shift by one of them there."""
+        f, power = self.spectrum(cutoff, rate)
+        mean = (np.sin(np.pi * f * width) / (width * np.sin(np.pi * f))) ** 2
+        return power * mean, np.cos(2.0 * np.pi * f * width)
 
 
 def motion_error(log: Log, measured: np.ndarray, rate: float) -> MotionError:

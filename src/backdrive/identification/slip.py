@@ -20,7 +20,7 @@ from backdrive.identification.lateness import delay as shift_of
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
-from backdrive.identification.whitening import neighbours
+from backdrive.identification.whitening import CLEAN, Pair, correlation_of
 
 FEW = 3  # largest number of repetitions of a robust fit for a rough delay
 ROUNDS = 10  # largest number of fits, each with another delay
@@ -35,10 +35,7 @@ BEYOND = (
     ROUNDS * STEP * SHARES[1]
 )  # a remaining delay that no search reaches: there is hardly any inertia [s]
 KNOWN = 2.0  # largest standard error of a known delay [sampling interval]
-MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
 SURE = 5.0  # least excess over one sampling interval of a poorly known delay that is used [standard error]
-# most negative correlation of neighbouring bins, and negative correlation above which it is set to zero [-]
-OPPOSITE, SLIGHT = -0.48, -0.1
 FELT = 3.0  # least significance of the inertia [standard error]
 SHOWN = 0.05  # least response of the jerk to a delay that determines the delay [-]
 CLOSE = (
@@ -116,6 +113,7 @@ def search_slip(
     full: design.Candidate,
     ready: Prepare,
     choose: Callable[[Slip, list[DelayStretch], bool], tuple[design.Candidate, list[Signals]]],
+    false: Pair = CLEAN,
 ) -> tuple[Slip, float | None, list[Signals]]:
     """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it.
 
@@ -127,16 +125,17 @@ def search_slip(
         ready: prepares stretches for many delays, with a jerk after a low pass, or with one that is clear of encoder errors.
         choose: gives the candidate for a rough delay and the stretches with those samples as sliding in which friction has
             built up, from prepared stretches, which are all or those of `look`.
+        false: error of the acceleration's means, as from `MotionError.between_means`.
     """
     coarse, widest = None, full.with_term("jerk")
     some, whole = ready(look, False), look is stretches
-    slip = seek_slip(some, knots, widest, rough=True)
+    slip = seek_slip(some, knots, widest, rough=True, false=false)
     if not (whole or slip.is_known):
         some, whole = ready(stretches, False), True
-        slip = seek_slip(some, knots, widest, rough=True)
+        slip = seek_slip(some, knots, widest, rough=True, false=false)
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
         some, whole = some if whole else ready(stretches, False), True
-        slip = seek_slip(some, knots, widest, coarse, rough=True)
+        slip = seek_slip(some, knots, widest, coarse, rough=True, false=false)
     candidate, stretches = choose(slip, some, whole)
     if whole:
         some = [each.with_sliding(s.sliding) for each, s in zip(some, stretches, strict=True)]
@@ -144,7 +143,7 @@ def search_slip(
         some = ready(stretches, False)
     known = slip.correlation if abs(slip.delay) <= slip.period else None  # it was found without a delay
     near = candidate.with_term("jerk")
-    slip = seek_slip(some, knots, near, slip.delay, known)
+    slip = seek_slip(some, knots, near, slip.delay, known, false=false)
     centred = CENTRED
     if not slip.is_known and slip.error < CLOSE * slip.least:
         clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.correlation)
@@ -156,7 +155,11 @@ def search_slip(
 
 
 def fix_slip(
-    stretches: Sequence[DelayStretch], knots: np.ndarray, full: design.Candidate, delay: float
+    stretches: Sequence[DelayStretch],
+    knots: np.ndarray,
+    full: design.Candidate,
+    delay: float,
+    false: Pair = CLEAN,
 ) -> Slip:
     """Return a delay that the user knows, without an error, and the correlation of the noise about a fit with it.
 
@@ -165,9 +168,11 @@ def fix_slip(
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia, without jerk.
         delay: of the torque behind the motion [s].
+        false: error of the acceleration's means, as from `MotionError.between_means`.
     """
     bins = bins_at_delay(stretches, delay, knots, full)
-    correlation = correlation_of(bins.y - bins.X @ fit(bins), bins.used)
+    theta = fit(bins)
+    correlation = correlation_of(bins.y - bins.X @ theta, bins.used, _felt(false, full, theta))
     return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, correlation=correlation)
 
 
@@ -179,6 +184,7 @@ def seek_slip(
     known: float | None = None,
     *,
     rough: bool = False,
+    false: Pair = CLEAN,
 ) -> Slip:
     """Return the delay of the torque.
 
@@ -189,6 +195,7 @@ def seek_slip(
         start: initial delay of the search [s].
         known: correlation of the noise of neighbouring bins [-]; None: that about the first fit.
         rough: compute a rough standard error, which is sufficient to know whether it is finite.
+        false: error of the acceleration's means, as from `MotionError.between_means`.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
@@ -200,7 +207,7 @@ def seek_slip(
         bins = bins_at_delay(stretches, delay, knots, full)
         if known is None and not tried:  # without a correlation, the fit need not be repeated
             theta = fit(bins, rounds=rounds)
-            correlation = correlation_of(bins.y - bins.X @ theta, bins.used)
+            correlation = correlation_of(bins.y - bins.X @ theta, bins.used, _felt(false, full, theta))
         if theta is None or tried or correlation != 0.0:
             bins = bins.whiten(correlation)
             theta = fit(bins, theta, rounds)
@@ -322,15 +329,7 @@ def fit(bins: Bins, start: np.ndarray | None = None, rounds: int = regression.MA
     return regression.robust_solution(bins.X, bins.y, bins.used.astype(float), rounds, start)
 
 
-def correlation_of(residual: np.ndarray, used: np.ndarray) -> float:
-    """Return the correlation of neighbouring residuals, within limits [-]; slightly negative values are set to 0.
-
-    Args:
-        residual: of the fit, (n,).
-        used: mask of the fitted samples, (n,).
-    """
-    at = np.flatnonzero(used)
-    width = regression.HUBER * regression.robust_spread(residual[at])
-    score = np.clip(residual[at], -width, width)
-    correlation = min(max(neighbours(score, np.diff(at)), OPPOSITE), MOST)
-    return 0.0 if SLIGHT < correlation < 0.0 else correlation
+def _felt(false: Pair, full: design.Candidate, theta: np.ndarray) -> Pair:
+    """Return what the error of the acceleration's means adds to a residual: its mean square, and the mean product of neighbours."""
+    square = float(theta[full.terms.index("inertia")]) ** 2
+    return square * false[0], square * false[1]

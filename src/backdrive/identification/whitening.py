@@ -9,6 +9,15 @@ from __future__ import annotations
 
 import numpy as np
 
+from backdrive.identification import regression
+
+MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
+# most negative correlation of neighbouring bins, and negative correlation above which it is set to zero [-]
+OPPOSITE, SLIGHT = -0.48, -0.1
+HIDDEN = 0.5  # largest share of the residual's mean square that is taken as error of the acceleration [-]
+Pair = tuple[float, float]
+CLEAN = (0.0, 0.0)
+
 
 def neighbours(residual: np.ndarray, apart: np.ndarray) -> float:
     """Return the correlation of neighbouring residuals [-]; 0 if there are none.
@@ -22,6 +31,30 @@ def neighbours(residual: np.ndarray, apart: np.ndarray) -> float:
     if not beside.any() or not power > 0.0:
         return 0.0
     return float(np.mean((residual[1:] * residual[:-1])[beside])) / power
+
+
+def correlation_of(residual: np.ndarray, used: np.ndarray, false: Pair = CLEAN) -> float:
+    """Return the correlation of the noise of neighbouring bins, within limits [-]; slightly negative values are set to 0.
+
+    The error of the acceleration alternates, and hides a part of the correlation of the torque's noise. It is subtracted where
+    residuals are correlated positively.
+
+    Args:
+        residual: of the fit, (n,).
+        used: mask of the fitted samples, (n,).
+        false: mean square, and mean product of neighbours, of what the acceleration's error adds to the residual.
+    """
+    at = np.flatnonzero(used)
+    spread = regression.robust_spread(residual[at])
+    width = regression.HUBER * spread
+    score = np.clip(residual[at], -width, width)
+    correlation = min(max(neighbours(score, np.diff(at)), OPPOSITE), MOST)
+    if SLIGHT < correlation < 0.0:
+        return 0.0
+    if not (correlation > 0.0 and spread > 0.0):
+        return correlation
+    share = min(1.0 / spread**2, HIDDEN / max(false[0], 1e-300))
+    return min((correlation - share * false[1]) / (1.0 - share * false[0]), MOST)
 
 
 def whiten(rows: np.ndarray, apart: np.ndarray, correlation: float) -> np.ndarray:
