@@ -7,6 +7,7 @@ from backdrive import Joint, Log, identify
 from backdrive.identification.dynamic.choice import windows
 from backdrive.identification.motion_bins import Bins, block_count, moves_of, moving_average, period_of
 from backdrive.identification.signals import prepare
+from backdrive.identification.whitening import Colour
 
 RATE, INERTIA, COULOMB, VISCOUS = 1000.0, 0.15, 1.5, 0.4
 
@@ -98,7 +99,7 @@ def test_noise_of_opposite_neighbours_is_whitened():
     used = np.ones(4000, dtype=bool)
     used[1000:1003] = False
     bins = Bins(X=moving[:, :1], y=moving[:, 1], used=used, speed=np.ones(4000), blocks=8)
-    white = bins.whiten(correlation)
+    white = bins.whiten(Colour(correlation))
     for series, raw in ((white.X[:, 0], moving[:, 0]), (white.y, moving[:, 1])):
         assert series[used].std() == pytest.approx(raw.std(), rel=0.05)
         for lag in (1, 2, 3):

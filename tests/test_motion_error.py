@@ -7,6 +7,7 @@ from _sines import RATE, sines
 from backdrive import Joint, Log, identify
 from backdrive.identification.motion_error import MotionError, mean_error, motion_error
 from backdrive.identification.smoothing import smoothing
+from backdrive.identification.whitening import Colour, whiten_both
 from backdrive.logs.filters import low_pass
 
 INERTIA = 0.15
@@ -93,10 +94,15 @@ def test_the_mean_square_is_that_of_whitened_means_of_the_acceleration(orders):
     error = MotionError(size=size, orders=orders)
     mean = mean[20:-20]
     products = np.mean(mean**2), np.mean(mean[1:] * mean[:-1])
-    assert error.between_means(cutoff, RATE, width) == pytest.approx(products, rel=0.03)
+    assert error.between_means(cutoff, RATE, width)[:2] == pytest.approx(products, rel=0.03)
     assert error.in_acceleration(cutoff, RATE) == pytest.approx(np.mean(x[100:-100] ** 2), rel=0.02)
     expected = np.mean(white[20:-20] ** 2)
-    assert error.in_acceleration(cutoff, RATE, width, correlation) == pytest.approx(expected, rel=0.02)
+    beside = Colour(correlation, tuple(np.array(error.between_means(cutoff, RATE, width)) / products[0]))
+    both = whiten_both(mean[:, None], np.arange(mean.size), beside)
+    assert error.in_acceleration(cutoff, RATE, width, beside) == pytest.approx(np.mean(both**2), rel=0.03)
+    assert error.in_acceleration(cutoff, RATE, width, Colour(correlation)) == pytest.approx(
+        expected, rel=0.02
+    )
 
 
 @pytest.mark.parametrize(

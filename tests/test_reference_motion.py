@@ -75,14 +75,14 @@ def fitted_line(logs):
     (option,) = design.candidates(knots, {"line": knots[[0, -1]]}, symmetric=True, **given)
     along = [DelayStretch(s, seconds) for s in stretches]
     rough = seek_slip(along, knots, full, rough=True)
-    known = rough.correlation if abs(rough.delay) <= rough.period else None
+    known = rough.colour if abs(rough.delay) <= rough.period else None
     slip = seek_slip(along, knots, option.with_term("jerk"), rough.delay, known)
     every = np.concatenate([s.velocity[s.moving] for s in stretches])
     low = SLOW * min(every.max(), -every.min())
 
     def averaged(late):
         bins = bin_means([delay.delay_signals(s, late) for s in stretches], knots, seconds=seconds)
-        return bins.faster(low).whiten(slip.correlation)
+        return bins.faster(low).whiten(slip.colour)
 
     bins = averaged(slip.delay)
     blocks = bins.equations()

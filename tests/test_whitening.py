@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from backdrive.identification.motion_bins import Bins
-from backdrive.identification.whitening import CLEAN, correlation_of, neighbours, whiten
+from backdrive.identification.whitening import LAGS, WHITE, Colour, colour_of, neighbours, whiten, whiten_both
 
 RNG = np.random.default_rng(4)
 
@@ -26,9 +26,11 @@ def test_pieces_do_not_show(monkeypatch):
     bins = Bins(
         X=RNG.standard_normal((500, 2)), y=RNG.standard_normal(500), used=used, speed=np.ones(500), blocks=8
     )
-    whole = bins.whiten(0.8)
+    whole = bins.whiten(Colour(0.8))
     monkeypatch.setattr("backdrive.identification.motion_bins.PIECE", 7)
-    assert np.array_equal(bins.whiten(0.8).X, whole.X) and np.array_equal(bins.whiten(0.8).y, whole.y)
+    assert np.array_equal(bins.whiten(Colour(0.8)).X, whole.X) and np.array_equal(
+        bins.whiten(Colour(0.8)).y, whole.y
+    )
     assert np.array_equal(whiten(bins.X[:1], np.ones(0, dtype=int), 0.8), bins.X[:1])
     assert whiten(bins.X[:0], np.ones(0, dtype=int), 0.8).shape == (0, 2)
 
@@ -39,11 +41,11 @@ def test_bins_that_are_not_used_stay_as_they_are(share):
     bins = Bins(
         X=RNG.standard_normal((400, 2)), y=RNG.standard_normal(400), used=used, speed=np.ones(400), blocks=8
     )
-    white, at = bins.whiten(0.7), np.flatnonzero(used)
+    white, at = bins.whiten(Colour(0.7)), np.flatnonzero(used)
     assert np.array_equal(white.X[~used], bins.X[~used]) and np.array_equal(white.y[~used], bins.y[~used])
     assert np.array_equal(white.X[used], whiten(bins.X[used], np.diff(at), 0.7))
     assert np.array_equal(white.y[used], whiten(bins.y[used], np.diff(at), 0.7))
-    assert bins.whiten(0.0) is bins
+    assert bins.whiten(WHITE) is bins
 
 
 def test_the_correlation_of_neighbours_looks_over_no_gap():
@@ -52,18 +54,51 @@ def test_the_correlation_of_neighbours_looks_over_no_gap():
     assert neighbours(series, np.array([2, 2, 2])) == 0.0 == neighbours(series[:0], np.zeros(0))
 
 
-def test_what_rounding_adds_does_not_hide_the_correlation_of_the_torque_s_noise():
-    """An AR(1), and the difference of white noise that the means of an acceleration from an encoder have."""
+def ar_and_difference(correlation: float, size: float, n: int) -> np.ndarray:
+    """Return an AR(1), and beside it a difference of white noise, as the means of an acceleration from an encoder have it."""
     rng = np.random.default_rng(8)
-    n, correlation, size = 40_000, 0.8, 0.5
     slow = lfilter([np.sqrt(1.0 - correlation**2)], [1.0, -correlation], rng.standard_normal(n))
-    rounding = size * np.diff(rng.standard_normal(n + 1))
-    used = np.ones(n, dtype=bool)
-    false = 2.0 * size**2, -(size**2)
-    assert correlation_of(slow, used, CLEAN) == pytest.approx(correlation, abs=0.02)
+    return slow + size * np.diff(rng.standard_normal(n + 1))
+
+
+def test_what_rounding_adds_does_not_hide_the_correlation_of_the_torque_s_noise():
+    n, correlation, size = 40_000, 0.8, 0.5
+    both, used = ar_and_difference(correlation, size, n), np.ones(n, dtype=bool)
+    false = 2.0 * size**2, -(size**2), 0.0, 0.0
     hidden = (correlation - size**2) / (1.0 + 2.0 * size**2)
-    assert correlation_of(slow + rounding, used, CLEAN) == pytest.approx(hidden, abs=0.03)
-    assert correlation_of(slow + rounding, used, false) == pytest.approx(correlation, abs=0.04)
-    # negative correlation of rounding alone is not touched, and an error that is larger than the residual makes no nonsense
-    assert correlation_of(rounding, used, false) == correlation_of(rounding, used, CLEAN) < -0.4
-    assert 0.0 < correlation_of(slow, used, (100.0, -50.0)) <= 0.99
+    assert colour_of(both, used).correlation == pytest.approx(hidden, abs=0.03)
+    found = colour_of(both, used, false)
+    assert found.correlation == pytest.approx(correlation, abs=0.04)
+    assert found.rounding == pytest.approx(false, abs=0.04)
+    # an error far below the noise is left out, one that exceeds the residual makes no nonsense, and a negative correlation stays
+    assert colour_of(both, used, tuple(1e-3 * x for x in false)).rounding == ()
+    extreme = colour_of(both, used, (100.0, -50.0, 0.0, 0.0))
+    assert 0.0 < extreme.correlation <= 0.99 and extreme.rounding[0] == pytest.approx(1.0)
+    alone = np.diff(RNG.standard_normal(n))
+    assert colour_of(alone, used[1:], false) == colour_of(alone, used[1:])
+
+
+@pytest.mark.parametrize("gaps", [False, True])
+def test_both_noises_are_whitened_by_the_inverse_root_of_their_covariance(gaps):
+    colour = Colour(0.9, (0.8, -0.45, 0.06, -0.01))
+    at = np.flatnonzero(RNG.uniform(size=300) < 0.7) if gaps else np.arange(300)
+    apart = np.abs(at[:, None] - at[None, :])
+    covariance = colour.correlation**apart + np.append(colour.rounding, 0.0)[np.minimum(apart, LAGS)]
+    rows = RNG.standard_normal((at.size, 3))
+    wanted = np.sqrt(1.8) * np.linalg.solve(np.linalg.cholesky(covariance), rows)
+    assert whiten_both(rows, at, colour) == pytest.approx(wanted, abs=0.03)  # but for the ridge
+    assert whiten_both(rows[:1], at[:1], colour) == pytest.approx(rows[:1], abs=1e-3)
+
+
+def test_pieces_of_both_noises_begin_anew(monkeypatch):
+    used = RNG.uniform(size=5000) < 0.9
+    y = ar_and_difference(0.9, 0.6, 5000)
+    bins = Bins(X=y[:, None].copy(), y=y, used=used, speed=np.ones(5000), blocks=8)
+    colour = Colour(0.9, (0.72, -0.36, 0.0, 0.0))
+    white = bins.whiten(colour)
+    assert np.array_equal(white.X[:, 0], white.y) and np.array_equal(white.y[~used], y[~used])
+    assert np.std(white.y[used]) == pytest.approx(np.std(y), rel=0.1)
+    assert abs(neighbours(white.y[used], np.diff(np.flatnonzero(used)))) < 0.03
+    monkeypatch.setattr("backdrive.identification.motion_bins.PIECE", 700)
+    off = np.flatnonzero(np.abs(bins.whiten(colour).y - white.y) > 1e-3)
+    assert 0 < off.size < 300

@@ -14,6 +14,7 @@ import numpy as np
 
 from backdrive.identification import design, regression
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
+from backdrive.identification.whitening import Colour
 
 APART = 3.0  # distance of the three delays [standard error]
 CENTRED = 1.0  # largest distance of the minimum from a delay that is kept [standard error]
@@ -30,7 +31,7 @@ def refine_delay(
     candidate: design.Candidate,
     delay: float,
     error: float,
-    correlation: float,
+    colour: Colour,
     centred: float = CENTRED,
 ) -> tuple[float, float]:
     """Return a delay that minimises the loss, or nearly so, and an error that its profile supports [s]; infinite without either.
@@ -41,13 +42,13 @@ def refine_delay(
         candidate: of the fit, with inertia, without jerk.
         delay: as estimated [s].
         error: its standard error [s].
-        correlation: of the noise of neighbouring bins [-].
+        colour: of the noise of neighbouring bins.
         centred: largest distance of the minimum from a delay that is kept [standard error].
     """
     apart = error
     for _ in range(ROUNDS):
         delays = delay + APART * apart * np.array([-1.0, 0.0, 1.0])
-        low, middle, high = _losses(stretches, knots, candidate, delays, correlation)
+        low, middle, high = _losses(stretches, knots, candidate, delays, colour)
         if not np.isfinite(low + middle + high):
             break  # without noise
         curvature = (low + high - 2.0 * middle) / (2.0 * APART**2 * NORMAL)
@@ -66,14 +67,14 @@ def _losses(
     knots: np.ndarray,
     candidate: design.Candidate,
     delays: np.ndarray,
-    correlation: float,
+    colour: Colour,
 ) -> np.ndarray:
     """Return Huber's loss of fits with some delays [s], by the variance of the noise, (k,); NaN without noise."""
     each = [bins_at_delay(stretches, delay, knots, candidate) for delay in delays]
     used = np.logical_and.reduce([bins.used for bins in each])
     residuals, theta = [], None
     for bins in each:
-        whitened = replace(bins, used=used).whiten(correlation)
+        whitened = replace(bins, used=used).whiten(colour)
         theta = regression.robust_solution(whitened.X, whitened.y, whitened.used.astype(float), start=theta)
         residuals.append((whitened.y - whitened.X @ theta)[whitened.used])
     spread = min(regression.robust_spread(residual) for residual in residuals)

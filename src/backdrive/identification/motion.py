@@ -45,6 +45,7 @@ from backdrive.identification.slip import FEW, Slip, fix_slip, response, search_
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.terms import estimates
 from backdrive.identification.user_delay import describe
+from backdrive.identification.whitening import WHITE, Colour
 from backdrive.identification.windows import windows_of
 from backdrive.logs.log import Joint, Log
 from backdrive.logs.quantiles import quantile
@@ -133,11 +134,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         return bin_means(motion, knots, seconds=seconds, reversals=few, filled=filled, spread=spread)
 
     def simplest(slip: Slip, bins: Bins):
-        return _simplest(bins, options, slip.correlation, (slowest, 0.0 if few else slow))
+        return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow))
 
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
-        false = smooth.error.in_acceleration(corner, rate, width, slip.correlation)
+        false = smooth.error.in_acceleration(corner, rate, width, slip.colour)
         choice = design.refit(design.fit(blocks, candidate, loss), blocks.without_noise(false))
         bins = bins.map_columns(candidate.spread)
         left = bins.y - bins.X @ choice.coefficients
@@ -161,8 +162,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         slip: Slip, along: list[DelayStretch], some: Sequence[Signals]
     ) -> tuple[design.Candidate, float]:
         raw = bins_at_delay(along, slip.delay, knots)
-        candidate = design.simplest(raw.whiten(slip.correlation).equations(rounds=FEW), few_options)[0]
-        return candidate, build_up(raw, some, slip.delay, candidate.spread, slip.correlation, seconds)
+        candidate = design.simplest(raw.whiten(slip.colour).equations(rounds=FEW), few_options)[0]
+        return candidate, build_up(raw, some, slip.delay, candidate.spread, slip.colour, seconds)
 
     def at_rough(
         slip: Slip, along: list[DelayStretch], whole: bool
@@ -182,7 +183,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         slip, coarse, slid = search_slip(stretches, look, knots, full, ready, at_rough, false_means)
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
-        slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, correlation=0.0)
+        slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, colour=WHITE)
     try:
         choice, bins, slowest = choose(slip, average(shift(slip.delay, slid)))
     except NotIdentifiable:  # too little is left without the build-up
@@ -190,7 +191,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         choice, bins, slowest = choose(slip, average(shift(slip.delay, slid)))
     if slip.is_fitted(coarse):
         later = average(shift(slip.delay + slip.error, slid), choice.candidate.spread)
-        later = replace(later, used=bins.used).whiten(slip.correlation)
+        later = replace(later, used=bins.used).whiten(slip.colour)
         choice = with_slip(choice, response(bins, later, choice.coefficients), slip)
         del later
     choice = design.offset_apart(choice)
@@ -246,29 +247,29 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
 
 def _simplest(
-    raw: Bins, options: list[design.Candidate], correlation: float, speeds: tuple[float, float]
+    raw: Bins, options: list[design.Candidate], colour: Colour, speeds: tuple[float, float]
 ) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
     """Return the chosen candidate, all losses, the bins to fit, their equations, and the slowest speed that they determine.
 
     Args:
         raw: bins, not whitened.
         options: candidates.
-        correlation: of the noise of neighbouring bins [-].
+        colour: of the noise of neighbouring bins.
         speeds: slowest speed of sliding in the bins, and speed below which bins are not used for a line [rad/s or m/s].
     """
-    bins, (slowest, slow) = raw.whiten(correlation), speeds
+    bins, (slowest, slow) = raw.whiten(colour), speeds
     blocks = bins.equations()
     candidate, loss = design.simplest(blocks, options)
     if candidate.form.knots[0] == 0.0 and slow > 0.0:
         lines = [option for option in options if option.form.knots[0] == 0.0]
         del bins  # two of them at once fill the memory
-        bins = raw.faster(slow).whiten(correlation)
+        bins = raw.faster(slow).whiten(colour)
         of_faster = bins.equations()
         try:
             candidate, loss = design.simplest(of_faster, lines)
             blocks, slowest = of_faster, max(slowest, slow)
         except NotIdentifiable:  # there is hardly any faster motion, so all bins are used
-            bins = raw.whiten(correlation)
+            bins = raw.whiten(colour)
     return candidate, loss, bins, blocks, slowest
 
 

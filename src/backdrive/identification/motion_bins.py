@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals, default_cutoff, turns
-from backdrive.identification.whitening import whiten
+from backdrive.identification.whitening import Colour, whiten, whiten_both
 from backdrive.logs import filters
 
 BIN_TIME = 0.01  # shortest bin [s]
@@ -55,21 +55,26 @@ class Bins:
         """Return the same bins, of which only those at a speed [rad/s or m/s] or above are used."""
         return replace(self, used=self.used & (self.speed >= speed))
 
-    def whiten(self, correlation: float) -> Bins:
+    def whiten(self, colour: Colour) -> Bins:
         """Return bins transformed so that their noise is white and of the same size.
 
         Positively correlated noise is modelled as AR(1), and negatively correlated noise as MA(1). The latter occurs in an
         acceleration from an encoder, whose error at the border of two bins affects both.
 
         Args:
-            correlation: of the noise of neighbouring bins [-].
+            colour: of the noise of neighbouring bins.
         """
-        if correlation < 0.0:
+        if (correlation := colour.correlation) < 0.0:
             return self._whiten_opposite(moving_average(correlation))
         if not correlation > 0.0:
             return self
         at, X, y = np.flatnonzero(self.used), self.X.copy(), self.y.copy()
         for first in range(0, at.size - 1, PIECE):  # copies of all bins would fill the memory
+            if colour.rounding:
+                rows = at[first : first + PIECE]
+                white = whiten_both(np.column_stack([self.X[rows], self.y[rows]]), rows, colour)
+                X[rows], y[rows] = white[:, :-1], white[:, -1]
+                continue
             rows = at[first : first + PIECE + 1]
             X[rows[1:]] = whiten(self.X[rows], np.diff(rows), correlation)[1:]
             y[rows[1:]] = whiten(self.y[rows], np.diff(rows), correlation)[1:]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.identification.motion_bins import moving_average
+from backdrive.identification.whitening import LAGS, WHITE, Colour
 from backdrive.logs.filters import power_gain
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import channel_step, encoder_step
@@ -62,25 +63,30 @@ class MotionError:
         )
         return f, (self.size * gain) ** 2
 
-    def in_acceleration(self, cutoff: float, rate: float, width: int = 1, correlation: float = 0.0) -> float:
+    def in_acceleration(self, cutoff: float, rate: float, width: int = 1, colour: Colour = WHITE) -> float:
         """Return the mean square error of the acceleration [rad^2/s^4 or m^2/s^4].
 
         Args:
             cutoff: of the low pass [Hz].
             rate: sampling rate [Hz].
             width: length of the means of the acceleration [sample].
-            correlation: of neighbouring means, which `Bins.whiten` removes [-].
+            colour: of the noise of neighbouring means, which `Bins.whiten` makes white.
         """
         power, turn = self._of_means(cutoff, rate, width)
-        if correlation < 0.0:
+        if (correlation := colour.correlation) < 0.0:
             share = moving_average(correlation)
             white = (1.0 + share**2) / (1.0 + share**2 + 2.0 * share * turn)
         else:
-            white = (1.0 + correlation**2 - 2.0 * correlation * turn) / (1.0 - correlation**2)
+            noise = (1.0 - correlation**2) / (1.0 + correlation**2 - 2.0 * correlation * turn)
+            false = sum(
+                (1.0 + (lag > 0)) * product * np.cos(lag * np.arccos(turn))
+                for lag, product in enumerate(colour.rounding)
+            )
+            white = (1.0 + sum(colour.rounding[:1])) / (noise + np.maximum(false, 0.0))
         return float(np.mean(power * white))
 
-    def between_means(self, cutoff: float, rate: float, width: int) -> tuple[float, float]:
-        """Return the mean square error of means of the acceleration, and the mean product of neighbours' [rad^2/s^4 or m^2/s^4].
+    def between_means(self, cutoff: float, rate: float, width: int) -> tuple[float, ...]:
+        """Return the mean products of the error of means of the acceleration by lag [rad^2/s^4 or m^2/s^4], (LAGS,).
 
         Args:
             cutoff: of the low pass [Hz].
@@ -88,7 +94,8 @@ class MotionError:
             width: length of the means [sample].
         """
         power, turn = self._of_means(cutoff, rate, width)
-        return float(np.mean(power)), float(np.mean(power * turn))
+        angle = np.arccos(turn)
+        return tuple(float(np.mean(power * np.cos(lag * angle))) for lag in range(LAGS))
 
     def _of_means(self, cutoff: float, rate: float, width: int) -> tuple[np.ndarray, np.ndarray]:
         """Return the power of means of the acceleration by frequency, and the real part of the shift by one of them there."""

@@ -17,6 +17,7 @@ from backdrive.identification.delay import earlier
 from backdrive.identification.motion_bins import Bins, bin_size
 from backdrive.identification.signals import Signals, since_reversal, way_since_reversal
 from backdrive.identification.slip import fit
+from backdrive.identification.whitening import Colour
 from backdrive.logs import filters
 
 # tested distances, relative to the median distance between two reversals [-]
@@ -34,7 +35,7 @@ def build_up(
     stretches: Sequence[Signals],
     delay: float,
     spread: np.ndarray,
-    correlation: float,
+    colour: Colour,
     seconds: float,
 ) -> float:
     """Return the distance after a reversal within which friction still builds up [rad or m]; 0 if it does not show.
@@ -44,7 +45,7 @@ def build_up(
         stretches: of one joint, from which the bins were computed.
         delay: of the torque behind the motion, with which the bins were computed [s].
         spread: matrix of the fitted candidate, (p, r).
-        correlation: of the noise of neighbouring bins [-].
+        colour: of the noise of neighbouring bins.
         seconds: of the bins [s].
     """
     way, sense, moves, middle = _ways(stretches, delay, seconds)
@@ -59,7 +60,7 @@ def build_up(
         surely = _from_move_to_move(error, used & band, moves)
         lags = surely < -CLEAR
         if not (lags or surely > -DOUBT) and np.count_nonzero(used & band) >= FEWEST:
-            lags, theta = _lags(replace(fitted, used=used), sense * band, correlation, theta)
+            lags, theta = _lags(replace(fitted, used=used), sense * band, colour, theta)
         if lags:
             used, within, error = raw.used & (way >= before), before, None
     return within
@@ -91,20 +92,20 @@ def _from_move_to_move(error: np.ndarray, band: np.ndarray, moves: np.ndarray) -
 
 
 def _lags(
-    fitted: Bins, column: np.ndarray, correlation: float, start: np.ndarray | None
+    fitted: Bins, column: np.ndarray, colour: Colour, start: np.ndarray | None
 ) -> tuple[bool, np.ndarray]:
     """Return whether the torque along an additional column is significantly smaller than the fitted candidate predicts.
 
     Args:
         fitted: bins with the candidate's columns.
         column: the additional one, (n,).
-        correlation: of the noise of neighbouring bins [-].
+        colour: of the noise of neighbouring bins.
         start: coefficients of the fit before, (p + 1,).
 
     Returns:
         The answer, and the coefficients of this fit, (p + 1,).
     """
-    more = replace(fitted, X=np.column_stack([fitted.X, column])).whiten(correlation)
+    more = replace(fitted, X=np.column_stack([fitted.X, column])).whiten(colour)
     theta = fit(more, start)
     if not theta[-1] < 0.0:
         return False, theta

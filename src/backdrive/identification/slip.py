@@ -20,7 +20,7 @@ from backdrive.identification.lateness import delay as shift_of
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
-from backdrive.identification.whitening import CLEAN, Pair, correlation_of
+from backdrive.identification.whitening import WHITE, Colour, colour_of
 
 FEW = 3  # largest number of repetitions of a robust fit for a rough delay
 ROUNDS = 10  # largest number of fits, each with another delay
@@ -53,13 +53,13 @@ class Slip:
         delay: of the torque behind the motion [s]; the start value if the data do not determine it.
         error: its standard error [s]; infinite if the data do not determine the delay.
         period: sampling interval [s].
-        correlation: of the noise of neighbouring bins [-].
+        colour: of the noise of neighbouring bins.
     """
 
     delay: float
     error: float
     period: float
-    correlation: float = 0.0
+    colour: Colour = WHITE
 
     @property
     def least(self) -> float:
@@ -113,7 +113,7 @@ def search_slip(
     full: design.Candidate,
     ready: Prepare,
     choose: Callable[[Slip, list[DelayStretch], bool], tuple[design.Candidate, list[Signals]]],
-    false: Pair = CLEAN,
+    false: tuple[float, ...] = (),
 ) -> tuple[Slip, float | None, list[Signals]]:
     """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it.
 
@@ -141,15 +141,15 @@ def search_slip(
         some = [each.with_sliding(s.sliding) for each, s in zip(some, stretches, strict=True)]
     else:  # after the windows' bins are gone: long logs fill the memory
         some = ready(stretches, False)
-    known = slip.correlation if abs(slip.delay) <= slip.period else None  # it was found without a delay
+    known = slip.colour if abs(slip.delay) <= slip.period else None  # it was found without a delay
     near = candidate.with_term("jerk")
     slip = seek_slip(some, knots, near, slip.delay, known, false=false)
     centred = CENTRED
     if not slip.is_known and slip.error < CLOSE * slip.least:
-        clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.correlation)
+        clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.colour)
         slip, centred = min((slip, CENTRED), (clear, ROUGHLY), key=lambda one: one[0].error)
-    if slip.is_known and slip.correlation > COLOURED:
-        delay, error = refine_delay(some, knots, candidate, slip.delay, slip.error, slip.correlation, centred)
+    if slip.is_known and slip.colour.correlation > COLOURED:
+        delay, error = refine_delay(some, knots, candidate, slip.delay, slip.error, slip.colour, centred)
         slip = replace(slip, delay=delay, error=error)
     return slip, coarse, stretches
 
@@ -159,9 +159,9 @@ def fix_slip(
     knots: np.ndarray,
     full: design.Candidate,
     delay: float,
-    false: Pair = CLEAN,
+    false: tuple[float, ...] = (),
 ) -> Slip:
-    """Return a delay that the user knows, without an error, and the correlation of the noise about a fit with it.
+    """Return a delay that the user knows, without an error, and the colour of the noise about a fit with it.
 
     Args:
         stretches: of one joint.
@@ -172,8 +172,8 @@ def fix_slip(
     """
     bins = bins_at_delay(stretches, delay, knots, full)
     theta = fit(bins)
-    correlation = correlation_of(bins.y - bins.X @ theta, bins.used, _felt(false, full, theta))
-    return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, correlation=correlation)
+    colour = colour_of(bins.y - bins.X @ theta, bins.used, _felt(false, full, theta))
+    return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, colour=colour)
 
 
 def seek_slip(
@@ -181,10 +181,10 @@ def seek_slip(
     knots: np.ndarray,
     full: design.Candidate,
     start: float = 0.0,
-    known: float | None = None,
+    known: Colour | None = None,
     *,
     rough: bool = False,
-    false: Pair = CLEAN,
+    false: tuple[float, ...] = (),
 ) -> Slip:
     """Return the delay of the torque.
 
@@ -193,29 +193,29 @@ def seek_slip(
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia and jerk for the fits.
         start: initial delay of the search [s].
-        known: correlation of the noise of neighbouring bins [-]; None: that about the first fit.
+        known: colour of the noise of neighbouring bins; None: that about the first fit.
         rough: compute a rough standard error, which is sufficient to know whether it is finite.
         false: error of the acceleration's means, as from `MotionError.between_means`.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    delay, share, correlation, theta = start, 1.0, known or 0.0, None
+    delay, share, colour, theta = start, 1.0, known or WHITE, None
     rounds = FEW if rough else regression.MANY
     tried: list[tuple[float, float]] = []
     while True:
         bins = bins_at_delay(stretches, delay, knots, full)
-        if known is None and not tried:  # without a correlation, the fit need not be repeated
+        if known is None and not tried:  # for white noise, the fit need not be repeated
             theta = fit(bins, rounds=rounds)
-            correlation = correlation_of(bins.y - bins.X @ theta, bins.used, _felt(false, full, theta))
-        if theta is None or tried or correlation != 0.0:
-            bins = bins.whiten(correlation)
+            colour = colour_of(bins.y - bins.X @ theta, bins.used, _felt(false, full, theta))
+        if theta is None or tried or colour != WHITE:
+            bins = bins.whiten(colour)
             theta = fit(bins, theta, rounds)
         if not theta[inertia] > 0.0:
-            return replace(open_, correlation=correlation)
+            return replace(open_, colour=colour)
         tried.append((delay, float(theta[jerk] / theta[inertia])))
         if abs(tried[-1][1]) > BEYOND:
-            return replace(open_, correlation=correlation)
+            return replace(open_, colour=colour)
         delay, share, done = _next(tried, min(max(LEVER, LEVER_SAMPLES * period), STEP))
         if done or len(tried) == ROUNDS:
             break
@@ -227,14 +227,14 @@ def seek_slip(
         covariance = noise.covariance_of_fit(bins.X, residual, bins.used)
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):
-        return replace(open_, correlation=correlation)
+        return replace(open_, colour=colour)
     variance = float(covariance[jerk, jerk])
     if not rough:
         variance = max(variance, float(regression.sandwich(bins.equations(theta), theta)[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
     if not rough:
         error = math.hypot(error, period / math.sqrt(6.0 * _moments(bins, jerk)))
-    return Slip(delay=delay, error=error, period=period, correlation=correlation)
+    return Slip(delay=delay, error=error, period=period, colour=colour)
 
 
 def _moments(bins: Bins, jerk: int) -> float:
@@ -329,7 +329,7 @@ def fit(bins: Bins, start: np.ndarray | None = None, rounds: int = regression.MA
     return regression.robust_solution(bins.X, bins.y, bins.used.astype(float), rounds, start)
 
 
-def _felt(false: Pair, full: design.Candidate, theta: np.ndarray) -> Pair:
-    """Return what the error of the acceleration's means adds to a residual: its mean square, and the mean product of neighbours."""
+def _felt(false: tuple[float, ...], full: design.Candidate, theta: np.ndarray) -> tuple[float, ...]:
+    """Return the products by lag of what the error of the acceleration's means adds to a residual."""
     square = float(theta[full.terms.index("inertia")]) ** 2
-    return square * false[0], square * false[1]
+    return tuple(square * product for product in false)

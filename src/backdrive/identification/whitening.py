@@ -1,13 +1,20 @@
-"""Coloured noise as an autoregression of first order, and the transform that makes it white.
+"""Coloured noise of means over bins, and the transform that makes it white.
+
+The torque's noise is an autoregression of first order,
 
     r_k  ->  (r_k - c^g r_(k-1)) / sqrt(1 - c^(2 g))
 
-c: correlation of neighbouring samples; g: distance of two samples that are used (Cochrane & Orcutt, JASA 44, 1949).
+c: correlation of neighbouring samples; g: distance of two samples that are used (Cochrane & Orcutt, JASA 44, 1949). Where an
+encoder is coarse, the acceleration's error stands beside it, whose autocorrelation is known from the encoder's steps and the low
+pass. The numerator above then has a covariance in a band of a few samples; its Cholesky factor makes both white (Aitken 1935).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from scipy.linalg import cholesky_banded, solve_banded
 
 from backdrive.identification import regression
 
@@ -15,8 +22,25 @@ MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
 # most negative correlation of neighbouring bins, and negative correlation above which it is set to zero [-]
 OPPOSITE, SLIGHT = -0.48, -0.1
 HIDDEN = 0.5  # largest share of the residual's mean square that is taken as error of the acceleration [-]
-Pair = tuple[float, float]
-CLEAN = (0.0, 0.0)
+SHOWN = 0.05  # least power of the acceleration's error, relative to the innovation of the noise, that is whitened too [-]
+LAGS = 4  # number of lags of the acceleration's error; beyond, means of a low-passed motion are hardly correlated
+RIDGE = 1e-3  # added to the power of the acceleration's error, since its last lags are cut off [-]
+
+
+@dataclass(frozen=True)
+class Colour:
+    """Noise of neighbouring bins.
+
+    Attributes:
+        correlation: of neighbours in an autoregression of first order [-]; negative: in a moving average of first order.
+        rounding: products of the acceleration's error by lag, relative to the power of the autoregression [-]; empty: none.
+    """
+
+    correlation: float = 0.0
+    rounding: tuple[float, ...] = ()
+
+
+WHITE = Colour()
 
 
 def neighbours(residual: np.ndarray, apart: np.ndarray) -> float:
@@ -33,16 +57,16 @@ def neighbours(residual: np.ndarray, apart: np.ndarray) -> float:
     return float(np.mean((residual[1:] * residual[:-1])[beside])) / power
 
 
-def correlation_of(residual: np.ndarray, used: np.ndarray, false: Pair = CLEAN) -> float:
-    """Return the correlation of the noise of neighbouring bins, within limits [-]; slightly negative values are set to 0.
+def colour_of(residual: np.ndarray, used: np.ndarray, false: tuple[float, ...] = ()) -> Colour:
+    """Return the noise of neighbouring bins, with a correlation within limits; slightly negative ones are set to 0.
 
-    The error of the acceleration alternates, and hides a part of the correlation of the torque's noise. It is subtracted where
+    The error of the acceleration alternates, and hides a part of the correlation of the torque's noise. It is told apart where
     residuals are correlated positively.
 
     Args:
         residual: of the fit, (n,).
         used: mask of the fitted samples, (n,).
-        false: mean square, and mean product of neighbours, of what the acceleration's error adds to the residual.
+        false: products by lag of what the acceleration's error adds to the residual, (LAGS,); empty: nothing.
     """
     at = np.flatnonzero(used)
     spread = regression.robust_spread(residual[at])
@@ -50,11 +74,15 @@ def correlation_of(residual: np.ndarray, used: np.ndarray, false: Pair = CLEAN) 
     score = np.clip(residual[at], -width, width)
     correlation = min(max(neighbours(score, np.diff(at)), OPPOSITE), MOST)
     if SLIGHT < correlation < 0.0:
-        return 0.0
-    if not (correlation > 0.0 and spread > 0.0):
-        return correlation
-    share = min(1.0 / spread**2, HIDDEN / max(false[0], 1e-300))
-    return min((correlation - share * false[1]) / (1.0 - share * false[0]), MOST)
+        return WHITE
+    if not (correlation > 0.0 and spread > 0.0 and false and false[0] > 0.0):
+        return Colour(correlation)
+    shares = min(1.0 / spread**2, HIDDEN / false[0]) * np.array(false)
+    correlation = min(float((correlation - shares[1]) / (1.0 - shares[0])), MOST)
+    rounding = shares / (1.0 - shares[0])
+    if rounding[0] < SHOWN * (1.0 - correlation):
+        return Colour(correlation)
+    return Colour(correlation, tuple(rounding.tolist()))
 
 
 def whiten(rows: np.ndarray, apart: np.ndarray, correlation: float) -> np.ndarray:
@@ -73,3 +101,31 @@ def whiten(rows: np.ndarray, apart: np.ndarray, correlation: float) -> np.ndarra
     kept = (correlation ** apart[far]).reshape(-1, *[1] * (rows.ndim - 1))
     result[far + 1] = (rows[far + 1] - kept * rows[far]) / np.sqrt(1.0 - kept**2)
     return result
+
+
+def whiten_both(rows: np.ndarray, at: np.ndarray, colour: Colour) -> np.ndarray:
+    """Return rows as the autoregression and the acceleration's error together are white and of the same size, (n, m).
+
+    Args:
+        rows: one a bin, (n, m).
+        at: index of each bin, ascending, (n,).
+        colour: with a positive correlation and a rounding.
+    """
+    kept = np.append(0.0, colour.correlation ** np.diff(at))
+    left = rows - kept[:, None] * np.vstack([rows[:1], rows[:-1]])
+    n, false = at.size, np.append(colour.rounding, 0.0)
+    index = np.arange(n)
+    before = np.maximum(index - 1, 0)
+
+    def product(i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        return false[np.minimum(np.abs(at[i] - at[j]), LAGS)]
+
+    band = np.zeros((LAGS + 1, n))
+    for k in range(min(LAGS + 1, n)):
+        i, j = index[k:], index[: n - k]
+        here, there = kept[i], kept[j]
+        band[k, : n - k] = product(i, j) + here * there * product(before[i], before[j])
+        band[k, : n - k] -= here * product(before[i], j) + there * product(i, before[j])
+    band[0] += 1.0 - kept**2 + RIDGE * false[0]
+    lower = cholesky_banded(band, lower=True)
+    return np.sqrt(1.0 + false[0]) * solve_banded((LAGS, 0), lower, left)
