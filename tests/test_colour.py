@@ -10,10 +10,11 @@ import pytest
 from backdrive import identify
 from backdrive.identification.dynamic import colour, torque_task
 from backdrive.identification.dynamic.attenuation import restore_inertia
-from backdrive.identification.dynamic.colour import bins_of, neighbours, whiten_noise
+from backdrive.identification.dynamic.colour import bins_of, whiten_noise
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.torque import stretch
 from backdrive.identification.signals import prepare
+from backdrive.identification.whitening import Colour, neighbours
 from backdrive.logs.log import Joint, Log
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
@@ -69,6 +70,24 @@ def test_coloured_noise_is_whitened_and_errors_are_smaller_and_hold(fits):
 
 
 @pytest.mark.parametrize(
+    ("noisy", "share"), [({"colour": 0.98}, 0.9), ({"colour": 0.0, "noise": 0.05}, 0.95)]
+)
+def test_noise_is_whitened_beside_the_rounding_of_a_coarse_encoder(fits, noisy, share):
+    for seed in range(8):
+        identify(log_of(seed, counts=4096.0, **noisy), **LAW)
+    used = [(a, b) for a, b in fits if b is not a]
+    assert len(used) >= 4
+    smaller = [b.standard_errors["coulomb_positive"] / a.standard_errors["coulomb_positive"] for a, b in used]
+    assert np.median(smaller) < share
+    far = [
+        (fit.values[name] - truth) / fit.standard_errors[name]
+        for _, fit in used
+        for name, truth in (("coulomb_positive", 1.5), ("viscous_positive", 0.4), ("inertia", 0.15))
+    ]
+    assert np.sqrt(np.mean(np.square(far))) < 1.6
+
+
+@pytest.mark.parametrize(
     ("about", "share"),
     [
         ({"counts": 4096.0}, 0.5),
@@ -100,7 +119,7 @@ def test_an_interruption_of_the_last_fit_is_told(monkeypatch):
     fit = fit_law(
         "coulomb-viscous", stretches_of(log_of(3)), terms=("inertia", "offset", "gravity_sin", "gravity_cos")
     )
-    monkeypatch.setattr(colour, "neighbours", lambda *a: 0.9)
+    monkeypatch.setattr(colour, "colour_of", lambda *a: Colour(0.9))
     with pytest.raises(KeyboardInterrupt):
         whiten_noise(replace(fit, found=replace(fit.found, interrupted=False)), 0.035)
 

@@ -4,11 +4,13 @@
 
 J, W: derivatives of the residuals and their weights; e, s: place of the inertia I among the search coordinates x, and its slope; a:
 false acceleration, of the motion rounded once more at a random phase and low-passed (W. Fuller, Measurement Error Models, 1987,
-Sec. 1.2). The fit is kept as it is where the correction is small, or large against what the linear step may claim.
+Sec. 1.2), averaged and whitened like the residuals. The fit is kept as it is where the correction is small, or large against what
+the linear step may claim.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -20,18 +22,27 @@ from backdrive.identification.dynamic.torque import DRAWS, Stretch, TorqueProble
 from backdrive.logs.filters import derivative, low_pass
 
 FELT = 0.2  # least change of the inertia that is worth it [standard error]
-MOST = 0.1  # largest part of what determines the inertia that is taken as noise [-]
+MOST = 0.3  # largest part of what determines the inertia that is taken as noise [-]
 FARTHEST = 2.0  # largest change of any other number [standard error]
-WORSE = 1.01  # largest cost, relative to that of the fit [-]
+WORSE = 1.02  # largest cost, relative to that of the fit [-]
 
 
-def restore_inertia(fit: Fit) -> Fit:
-    """Return a fit of torque with what false acceleration took from the inertia given back; the same where it must not be."""
+def restore_inertia(fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None = None) -> Fit | None:
+    """Return a fit of torque with what false acceleration took from the inertia given back; the same where it must not be.
+
+    Args:
+        fit: to all samples that count, or to their whitened means.
+        whiten: what its search did to the residuals, (..., m); None: nothing.
+
+    Returns:
+        The fit; None if false acceleration determines the inertia to more than `MOST`.
+    """
     problem, found = fit.problem, fit.found
     left = found.interrupted or fit.at_bound or "inertia" not in problem.names
     if left or not isinstance(problem, TorqueProblem):
         return fit
     false = false_acceleration(problem)
+    false = false if whiten is None or not false.size else whiten(false)
     errors = np.array([fit.standard_errors[name] for name in problem.names])
     free = (found.point > problem.lower + NEAR) & (found.point < problem.upper - NEAR)
     free &= np.isfinite(found.jacobian).all(axis=0) & np.isfinite(errors) & (errors > 0.0)
@@ -46,7 +57,7 @@ def restore_inertia(fit: Fit) -> Fit:
     slope = problem.unknowns[at].slope(value)
     part = slope**2 * float(np.mean((found.weight * false**2).sum(axis=1))) * bread[k, k]
     if part > MOST:
-        return fit
+        return None
     move = np.zeros_like(found.point)
     move[free] = bread[:, k] / bread[k, k] * part / (1.0 - part) * value / slope
     slopes = np.array([u.slope(fit.values[u.name]) for u in problem.unknowns])
@@ -57,13 +68,18 @@ def restore_inertia(fit: Fit) -> Fit:
     point = found.point + move
     if np.any(point[free] <= problem.lower[free] + NEAR) or np.any(point[free] >= problem.upper[free] - NEAR):
         return fit
-    search = Search(problem.residuals, problem.lower, problem.upper, loss=fit.loss)
+    search = Search(
+        problem.residuals if whiten is None else lambda p: whiten(problem.residuals(p)),
+        problem.lower,
+        problem.upper,
+        loss=fit.loss,
+    )
     residual = search.evaluate(point[None])[0]
     if not search.cost(residual, search.scale(found.residual)) <= WORSE * found.cost:
         return fit
-    after = search.at(point, residual)
+    after = replace(search.at(point, residual), instants=found.instants)
     more = found.evaluations + search.evaluations
-    return conclude(problem, replace(after, converged=found.converged, evaluations=more), fit.loss)
+    return conclude(problem, replace(after, converged=found.converged, evaluations=more), fit.loss, whiten)
 
 
 def false_acceleration(problem: TorqueProblem, seed: int = 0) -> np.ndarray:

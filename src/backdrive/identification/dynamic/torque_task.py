@@ -215,12 +215,8 @@ class TorqueTask(Task):
 
     def sharpen(self, final: Fit) -> Fit:
         """Return the final fit without the encoder's effect on its inertia, and with its coloured noise whitened."""
-        restored = restore_inertia(final)
-        if (
-            restored is not final
-        ):  # the encoder's noise counts, whose neighbours differ in sign: it is not whitened so
-            return restored
-        return whiten_noise(final, bin_time([s for s, _ in self.pairs], self.cutoff))
+        restored = restore_inertia(final) or final
+        return whiten_noise(restored, bin_time([s for s, _ in self.pairs], self.cutoff))
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
         """Return friction and evidence from the final fit and from the fit without held-out data."""
