@@ -101,6 +101,23 @@ def test_the_motion_of_another_joint_explains_torque(sound):
     assert not any("wrist" in s for s in identify(alone, method="motion").model.joints[0].warnings)
 
 
+@pytest.mark.parametrize(
+    ("options", "advice"),
+    [({"method": "motion", "law": "coulomb-viscous"}, "polyline"), ({"law": "coulomb-viscous"}, "auto")],
+)
+def test_a_line_through_bent_friction_is_not_good(options, advice):
+    """Friction that is smaller at low speeds; a line explains nine tenths of the torque."""
+    bent = any_motion(lambda v: 2.0 * dry(v) - 5.0 * np.sign(v) * np.exp(-((v / 0.3) ** 2)))
+    line = identify(bent, **options).model.joints[0]
+    assert line.fitted.residual < 15.0
+    assert line.verdict.grade == "care"
+    assert "not that of this law" in line.warnings[0] and f"--law {advice}" in line.warnings[0]
+    curve = identify(bent, method="motion").model.joints[0]
+    assert curve.verdict.grade == "good" and not curve.warnings
+    straight = identify(any_motion(dry), **options).model.joints[0]
+    assert "of this law" not in " ".join(straight.warnings)
+
+
 def test_a_curve_whose_error_nobody_knows_is_not_good(sound):
     """Four moves: the fit is close, and the torque may be far off."""
     few = sound.rows(slice(0, round(3.0 / sound.period)))

@@ -14,6 +14,7 @@ from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import MEAN, Explanation, Residual
 from backdrive.identification.terms import GRAVITY, columns
+from backdrive.laws import CoulombViscous
 from backdrive.logs import filters
 
 CHANCE = 1e-5  # largest probability that noise explains as much as a reported cause [-]
@@ -23,6 +24,8 @@ GRAVE = 0.25  # explained residual above which the grade is lowered, relative to
 MOST = (
     1.5  # largest plausible explained residual, relative to the friction; above, terms are not separated [-]
 )
+BENDS = 0.1, 0.2, 0.35  # speeds by which a bend of the friction falls, relative to the top speed [-]
+BENT = 0.03  # least bend beyond a straight line that lowers the grade, relative to the friction [-]
 LEFT = 0.1  # largest slow residual without a remark, relative to the friction [-]
 WORTH = 0.96  # largest residual after correction of the delay for a remark, relative to that before [-]
 MOST_LOGS = 6  # largest number of stretches whose loads are compared
@@ -132,12 +135,18 @@ def structure(case: Case) -> Remark | None:
             ((way * time,), changes),
             ((res.predicted * late,), f"The torque changed midway, by {share}: its gain, or its sign."),
         ]
+    along = case.friction.method == "motion"  # there a curve is as bent as the data ask for
+    instead = "try --law polyline" if along else "let --law auto choose"
+    bent = f"Friction over the speed is not that of this law, by {share}: {instead}."
+    if not along or isinstance(case.friction.law.rate, CoulombViscous):
+        speed = np.abs(res.velocity)
+        causes += [((way * np.exp(-((speed / (part * speed.max())) ** 2)),), bent) for part in BENDS]
     causes += [((way * load,), follows_load), ((way * _static_load(case, res),), follows_load)]
     differs = f"Inertia or gravity differs between the logs, by {share}: another load."
     if loads := _by_log(case, res):
         causes.append((loads, differs))
     explained = res.explain_each(*(columns for columns, _ in causes))
-    highest = {changes: OF_CHANGE, follows_load: CHANCE, differs: CHANCE}
+    highest = {changes: OF_CHANGE, follows_load: CHANCE, differs: CHANCE, bent: CHANCE}
     least = STRUCTURE * size
     tests = [
         (_lasting(res, one, columns, highest[sentence], least) if sentence in highest else one, sentence)
@@ -174,7 +183,8 @@ def structure(case: Case) -> Remark | None:
         share=100.0 * best.size / size,
         wave=2.0 * np.pi / best.wave if best.wave else 0.0,
     )
-    return Remark(severity="care" if best.size > GRAVE * size else "note", sentence=named)
+    grave = best.size > GRAVE * size or (sentence == bent and best.beyond > BENT * size)
+    return Remark(severity="care" if grave else "note", sentence=named)
 
 
 def _lasting(
