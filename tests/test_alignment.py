@@ -145,6 +145,21 @@ def test_a_coupling_is_kept_in_the_model(tmp_path):
     assert kept.options["reading"]["coupling"] == [[1.0, 0.0], [-0.5, 1.0]]
     assert RUN.invoke(app, [*command[:4], "-o", str(tmp_path / "c.json")]).exception is not None
     assert json.loads((tmp_path / "c.json").read_text()) == [[1, 0], [-0.5, 1]]  # not written over
+    (tmp_path / "other.json").write_text("[[1, 0], [-0.6, 1]]")
+    plain = tmp_path / "plain.json"
+    RUN.invoke(app, [*command[:2], "-o", str(plain), *command[6:]])
+    for file_, option, words in (
+        (model, (), "read it with --coupling"),
+        (model, (tmp_path / "c.json",), ""),
+        (model, (tmp_path / "other.json",), "another coupling"),
+        (plain, (tmp_path / "c.json",), "of no coupled motors"),
+        (plain, (), ""),
+    ):
+        given = [word for path in option for word in ("--coupling", str(path))]
+        said = " ".join(
+            RUN.invoke(app, ["validate", str(file_), file, *given, "--gate", "1000"]).output.split()
+        )
+        assert (words in said) if words else ("coupl" not in said and "motors" not in said)
     for text in ("", "1,2\n3", "1,0\n0,x", "[" * 5000, '{"a": 1}', "1,1\n1,1"):
         (tmp_path / "bad.csv").write_text(text)
         result = RUN.invoke(app, ["inspect", file, "--coupling", str(tmp_path / "bad.csv")])
