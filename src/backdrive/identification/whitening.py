@@ -24,7 +24,8 @@ OPPOSITE, SLIGHT = -0.48, -0.1
 HIDDEN = 0.5  # largest share of the residual's mean square that is taken as error of the acceleration [-]
 SHOWN = 0.05  # least power of the acceleration's error, relative to the innovation of the noise, that is whitened too [-]
 LAGS = 4  # number of lags of the acceleration's error; beyond, means of a low-passed motion are hardly correlated
-RIDGE = 1e-3  # added to the power of the acceleration's error, since its last lags are cut off [-]
+RIDGE = 1e-3  # least power of the acceleration's error at any frequency, relative to its mean [-]
+ANGLES = np.linspace(0.0, np.pi, 257)  # frequencies at which a spectrum is tested [rad/bin]
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,19 @@ def colour_of(residual: np.ndarray, used: np.ndarray, false: tuple[float, ...] =
     rounding = shares / (1.0 - shares[0])
     if rounding[0] < SHOWN * (1.0 - correlation):
         return Colour(correlation)
-    return Colour(correlation, tuple(rounding.tolist()))
+    return Colour(correlation, as_noise(rounding))
+
+
+def as_noise(products: np.ndarray) -> tuple[float, ...]:
+    """Return products by lag that some noise has: as they are, or with white noise more where the cut at the last lag left none.
+
+    Args:
+        products: of neighbours by lag, (LAGS,).
+    """
+    lags = np.arange(LAGS)
+    waves = np.cos(np.outer(ANGLES, lags)) * np.where(lags > 0, 2.0, 1.0)
+    missing = max(RIDGE * products[0] - float(np.min(waves @ products)), 0.0)
+    return tuple((products + missing * (lags == 0)).tolist())
 
 
 def whiten(rows: np.ndarray, apart: np.ndarray, correlation: float) -> np.ndarray:
@@ -126,6 +139,6 @@ def whiten_both(rows: np.ndarray, at: np.ndarray, colour: Colour) -> np.ndarray:
         here, there = kept[i], kept[j]
         band[k, : n - k] = product(i, j) + here * there * product(before[i], before[j])
         band[k, : n - k] -= here * product(before[i], j) + there * product(i, before[j])
-    band[0] += 1.0 - kept**2 + RIDGE * false[0]
+    band[0] += 1.0 - kept**2
     lower = cholesky_banded(band, lower=True)
     return np.sqrt(1.0 + false[0]) * solve_banded((LAGS, 0), lower, left)

@@ -20,7 +20,16 @@ from backdrive.identification.dynamic.fit import Fit, conclude
 from backdrive.identification.dynamic.search import Search
 from backdrive.identification.dynamic.torque import DRAWS, TorqueProblem
 from backdrive.identification.terms import RIGID
-from backdrive.identification.whitening import LAGS, SHOWN, WHITE, Colour, colour_of, whiten, whiten_both
+from backdrive.identification.whitening import (
+    LAGS,
+    SHOWN,
+    WHITE,
+    Colour,
+    as_noise,
+    colour_of,
+    whiten,
+    whiten_both,
+)
 
 FILLED = 0.75  # least share of the samples of a bin that count [-]
 FEWEST = 100  # least number of bins
@@ -108,7 +117,7 @@ def _colour(
     if colour.correlation > 0.0 or not (power > 0.0 and false and false[0] > 0.0):
         return WHITE
     shares = min(1.0 / power, ROUNDED / false[0]) * np.array(false)
-    return Colour(0.0, tuple((shares / (1.0 - shares[0])).tolist())) if shares[0] > SHOWN else WHITE
+    return Colour(0.0, as_noise(shares / (1.0 - shares[0]))) if shares[0] > SHOWN else WHITE
 
 
 def _product(rows: np.ndarray, used: np.ndarray, lag: int) -> float:
