@@ -1,6 +1,7 @@
 """Plans that were recorded late, and the commands that read tables: options shared, checked before the work begins."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -188,3 +189,45 @@ def test_inspect_does_not_call_a_log_without_torque_fine(tmp_path):
     taken = RUN.invoke(app, ["inspect", file, "--map", "tau=current_mA"])
     assert "No faults found" not in taken.output
     assert "its name ends with ma" in " ".join(taken.output.split())
+
+
+def test_inspect_names_a_clock_in_another_unit(tmp_path):
+    log = recorded(0.5)
+    for factor, words in (
+        (1.0, None),
+        (1e3, "t=0.001*COLUMN for milliseconds"),
+        (1e6, "t=1e-6*COLUMN for microseconds"),
+    ):
+        file = write(tmp_path / "log.csv", "time,q,tau", factor * log.time, log.position, log.torque)
+        said = " ".join(RUN.invoke(app, ["inspect", file]).output.split())
+        assert words is None or words in said, said
+        assert (words is not None) == ("its time is probably in another unit" in said)
+
+
+def test_a_repair_that_is_undone_is_not_recommended(tmp_path, monkeypatch):
+    log = recorded(0.5)
+    file = write(tmp_path / "log.csv", "time,q,tau", log.time, log.position, np.roll(log.torque, 12, axis=0))
+    said = " ".join(RUN.invoke(app, ["inspect", file]).output.split())
+    assert "Shift torque" in said and "was shifted" in said and "Leave it" not in said
+    undone = {"time-slip": "[time-slip] torque comes late. The repair was undone, for it does not help."}
+    monkeypatch.setattr("backdrive.identification.repairs.useless", lambda *_: undone)
+    said = " ".join(RUN.invoke(app, ["inspect", file]).output.split())
+    assert "The repair was undone" in said and "Leave it" in said and "Shift torque" not in said
+
+
+def test_a_file_in_a_folder_that_is_read_is_not_written_over(tmp_path):
+    log = recorded(0.5)
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    file = Path(write(folder / "a.csv", "time,q,tau", log.time, log.position, log.torque))
+    before = file.read_bytes()
+    result = RUN.invoke(app, ["identify", str(folder), "-o", str(file)])
+    assert "which is read" in str(result.exception) and file.read_bytes() == before
+    for _ in range(2):  # an earlier result may be replaced
+        result = RUN.invoke(
+            app, ["identify", str(folder), "-o", str(folder / "model.json"), "--gate", "1000"]
+        )
+        assert (folder / "model.json").is_file() and "which is read" not in str(result.exception)
+    (folder / "plan.json").write_text('{"format": "backdrive-plan"}')
+    result = RUN.invoke(app, ["identify", str(folder), "-o", str(folder / "plan.json")])
+    assert "which is read" in str(result.exception)

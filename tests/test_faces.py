@@ -133,6 +133,11 @@ def test_whole_models_are_compared(model):
         compare(pair, pair)
     assert len(compare(pair, pair, joints=["a", "b"]).changes) == 2
     assert len(compare(pair, pair, rename={"a": "b", "b": "a"}).changes) == 2
+    together = replace(pair, coupling=((1.0, 0.0), (0.5, 1.0)), coupled=())
+    assert (
+        "Motors drive several joints of the second model" in compare(pair, together, joints=["a"]).left_out[0]
+    )
+    assert not compare(together, together, joints=["a"]).left_out
     with pytest.raises(InvalidInput, match="A dict is no friction model"):
         compare(model, {})
     with pytest.raises(InvalidInput, match="no probability"):

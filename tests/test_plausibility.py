@@ -118,6 +118,22 @@ def test_a_line_through_bent_friction_is_not_good(options, advice):
     assert "of this law" not in " ".join(straight.warnings)
 
 
+def test_a_torque_at_its_limit_is_not_good(sound):
+    torque = sound.need("torque")
+    clipped = sound.replace(torque=np.minimum(torque, 0.6 * torque.max()))
+    level, said = remarks(clipped)
+    assert level == "care" and any("Torque is flat at" in s for s in said)
+
+
+@pytest.mark.parametrize(("factor", "level"), [(1.0, "good"), (1.02, "good"), (1.1, "care")])
+def test_a_velocity_of_another_clock_is_not_good(sound, factor, level):
+    q = sound.need("position")
+    velocity = np.gradient(q, sound.time, axis=0)
+    found, said = remarks(sound.replace(velocity=factor * velocity))
+    assert found == level
+    assert any("differ by a factor of" in s for s in said) == (level == "care")
+
+
 def test_a_curve_whose_error_nobody_knows_is_not_good(sound):
     """Four moves: the fit is close, and the torque may be far off."""
     few = sound.rows(slice(0, round(3.0 / sound.period)))

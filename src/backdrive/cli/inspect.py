@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -19,6 +20,11 @@ if TYPE_CHECKING:
 BARS = "▁▂▃▄▅▆▇█"
 PLAIN = "_.-~=+*#"
 WIDTH = 32  # characters of a small plot
+SMOOTH, FEWEST = (
+    0.05,
+    100,
+)  # largest change from sample to sample of a smooth motion [standard deviation]; least samples
+LEFT_ALONE = "Leave it: the repair does not help this log, and --repair undoes it."
 MOST = 12  # up to so many logs are shown in full; of more, only the faults
 
 
@@ -63,6 +69,9 @@ def command(
             previews(log, list(accepted)) if not repair and any(f.repairable for f in found) else left
             for log, found, left in zip(read, findings, undone, strict=False)
         ]
+        findings = [
+            [_with_remedy(f, lines) for f in found] for found, lines in zip(findings, repairs, strict=False)
+        ]
     spoiled = [f for found in findings for f in found if f.severity == "spoils" and f.name not in accepted]
     useless = [log for log in read if log.torque is None and log.drive_input is None]
     if as_json:
@@ -96,11 +105,20 @@ def previews(log: Log, accepted: list[str]) -> list[str]:
     return [*(note for note in after.notes if note not in log.notes), *undone]
 
 
+def _with_remedy(finding: Finding, repairs: list[str]) -> Finding:
+    """Return a finding whose remedy is no repair that is undone again."""
+    undone = any(f"[{finding.name}] " in line and "The repair was undone" in line for line in repairs)
+    return replace(finding, remedy=LEFT_ALONE) if undone and finding.repairable else finding
+
+
 def doubts(log: Log) -> list[str]:
     """Return sentences on why a log without faults may still be useless."""
+    from backdrive.identification.plausibility_residual import slow_clock
     from backdrive.logs.log import AS_SI
 
     found = [note for note in log.notes if AS_SI in note]
+    if log.period > 0.0 and (unit := slow_clock(1.0 / log.period)) and _is_smooth(log):
+        found.append(unit)
     if log.torque is None and log.drive_input is None:
         way = "Map a column, for example --map tau=COLUMN."
         if log.reference is not None:
@@ -110,6 +128,17 @@ def doubts(log: Log) -> list[str]:
             )
         found.append(f"The log has neither torque nor drive input. {way}")
     return found
+
+
+def _is_smooth(log: Log) -> bool:
+    """Return whether the motion hardly changes from sample to sample, as it does where the sampling is fast."""
+    import numpy as np
+
+    motion = log.velocity if log.position is None else log.position
+    if motion is None or len(log) < FEWEST:
+        return False
+    steps, spread = np.nanstd(np.diff(motion, axis=0), axis=0), np.nanstd(motion, axis=0)
+    return bool(np.any((spread > 0.0) & (steps < SMOOTH * spread)))
 
 
 def summary(log: Log) -> dict[str, Any]:
@@ -122,7 +151,7 @@ def summary(log: Log) -> dict[str, Any]:
 
     steps = np.diff(log.time)
     period = log.period
-    jitter = variation(Exam(log))[0]
+    jitter = variation(Exam(log.rows(np.argsort(log.time, kind="stable"))))[0]  # as its check sees it
     channels: dict[str, Any] = {}
     for name, values in log.channels.items():
         for column, joint in enumerate(log.joints):

@@ -25,6 +25,7 @@ from backdrive.external.explanation import ACCEPT, check_free
 from backdrive.external.joint import AUTO, joint_force
 from backdrive.external.result import ForceEstimate, JointForce
 from backdrive.external.wrench_axes import AXES
+from backdrive.identification.coupling import other_coupling
 from backdrive.logs.log import Log
 from backdrive.model import FrictionModel, JointFriction
 from backdrive.robot import Robot
@@ -133,7 +134,7 @@ def estimate_force(  # noqa: PLR0913  (keywords of one door)
         remarks += said
     if not results:
         raise refused[0]
-    remarks += _of_free_motion(model, log, free)
+    remarks += [*other_coupling(model, [log]), *_of_free_motion(model, log, free)]
     remarks += [*([] if log.wrench is None else [NO_FRAME]), *doubts(results)]
     estimate = ForceEstimate(joints=tuple(results), remarks=tuple(remarks), calibrations=calibrations)
     return estimate if false_alarms is None else with_contacts(estimate, false_alarms)

@@ -18,6 +18,7 @@ import numpy as np
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise
+from backdrive.identification.bends import with_bends
 from backdrive.identification.block_prediction import predict_blocks
 from backdrive.identification.delay import delay_signals, sliding_in_step
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
@@ -194,7 +195,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         later = replace(later, used=bins.used).whiten(slip.colour)
         choice = with_slip(choice, response(bins, later, choice.coefficients), slip)
         del later
-    choice = design.offset_apart(choice)
+    choice = with_bends(design.offset_apart(choice))
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     slowest = curves.past_rise(friction.law, slowest)
     friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))

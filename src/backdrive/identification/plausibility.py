@@ -37,6 +37,8 @@ RULES: tuple[Rule, ...] = (
     numbers.delay_at_bound,
     numbers.delay_range,
     beside.plan,
+    beside.velocity_scale,
+    beside.flat_torque,
     beside.siblings,
     residual.delay,
     residual.structure,

@@ -13,11 +13,14 @@ from backdrive.identification.auto import own_turn
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.user_delay import contradiction
+from backdrive.logs import health
 from backdrive.logs.log import Log
 
 OFF = 0.02  # relative deviation of the duration from the plan above which there is a remark [-]
 ANOTHER_UNIT = 1.5  # ratio of the strokes of motion and plan, or its inverse, that indicates another unit [-]
 SCALED = 0.1  # relative deviation of the stroke from the plan above which there is a remark [-]
+FLAT = 0.03  # least share of samples at an extreme of the torque with a remark [-]
+APART = 0.05  # least relative difference of velocity and change of position with a remark [-]
 
 
 def plan(case: Case) -> Remark | None:
@@ -44,6 +47,50 @@ def plan(case: Case) -> Remark | None:
                 "plan was scaled.",
             )
     return None
+
+
+def flat_torque(case: Case) -> Remark | None:
+    """Remark on a torque that is flat at its extreme for a part of a log."""
+    name = case.friction.joint.name
+    for log in case.logs:
+        if log.torque is None:
+            continue
+        torque = log.torque[:, log.column(name)]
+        share = max(float(np.mean(torque == end)) for end in (np.nanmax(torque), np.nanmin(torque)))
+        found = _findings(log, name, "saturation") if share > FLAT else []
+        if found:
+            return Remark(
+                severity="care",
+                sentence=f"Torque is flat at {found[0].value:.3g} {case.unit} for {100.0 * share:.2g} % of a log: if the sensor or "
+                "the command is at its limit there, the result is wrong. Move slower, or leave those samples out.",
+            )
+    return None
+
+
+def velocity_scale(case: Case) -> Remark | None:
+    """Remark on a velocity that differs from the change of the position by a factor."""
+    name = case.friction.joint.name
+    for log in case.logs:
+        if log.position is None or log.velocity is None:
+            continue
+        q, v = log.position[:, log.column(name)], log.velocity[:, log.column(name)]
+        moved = 0.5 * (v[1:] + v[:-1]) * np.diff(log.time)
+        counts = np.isfinite(moved) & np.isfinite(np.diff(q))
+        ratio = float(np.diff(q)[counts] @ moved[counts]) / max(float(moved[counts] @ moved[counts]), 1e-300)
+        found = _findings(log, name, "velocity-mismatch") if abs(ratio - 1.0) > 0.5 * APART else []
+        scales = [f.value for f in found if f.severity == "warn" and "factor" in f.sentence]
+        if scales and abs(scales[0] - 1.0) > APART:
+            return Remark(
+                severity="care",
+                sentence=f"Velocity and the change of the position differ by a factor of {scales[0]:.3g}: the clock, or the scale "
+                "of one of them, is wrong, and with it viscous friction, inertia or all angles.",
+            )
+    return None
+
+
+def _findings(log: Log, joint: str, kind: str) -> list[health.Finding]:
+    """Return the findings of one check on one joint of a log."""
+    return [found for found in health.check(log.select(joint)) if found.name == kind]
 
 
 def siblings(case: Case) -> Remark | None:

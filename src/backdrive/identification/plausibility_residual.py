@@ -39,11 +39,18 @@ def clock(case: Case) -> Remark | None:
     """Remark on a time that is probably not in seconds."""
     if case.residual is None or not case.residual.period > 1.0 / SLOWEST:
         return None
-    rate = 1.0 / case.residual.period
-    return Remark(
-        severity="care",
-        sentence=f"The log has {rate:.3g} samples a second, and still the motion is smooth: its time is probably in "
-        "another unit than seconds (--map t=0.001*COLUMN for milliseconds).",
+    return Remark(severity="care", sentence=slow_clock(1.0 / case.residual.period))
+
+
+def slow_clock(rate: float) -> str:
+    """Return a sentence on a sampling rate [Hz] that a smooth motion hardly has; empty where it may have it."""
+    if not rate < SLOWEST:
+        return ""
+    unit, factor = ("milliseconds", "0.001") if rate > 1e-3 * SLOWEST else ("microseconds", "1e-6")
+    unit, factor = (unit, factor) if rate > 1e-6 * SLOWEST else ("nanoseconds", "1e-9")
+    return (
+        f"The log has {rate:.3g} samples a second, and still the motion is smooth: its time is probably in another unit than "
+        f"seconds (--map t={factor}*COLUMN for {unit})."
     )
 
 

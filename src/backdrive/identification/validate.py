@@ -11,6 +11,7 @@ from backdrive._arguments import guard_keywords
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable, check_type
 from backdrive.identification.auto import moving_joints
+from backdrive.identification.coupling import other_coupling
 from backdrive.identification.dynamics import predict
 from backdrive.identification.names import same_names
 from backdrive.identification.options import Options, settings_of
@@ -73,7 +74,7 @@ def validate(
         said.append(
             f"Not compared: {ours} of the model, {theirs} of the logs. If they are the same joints, match them with --rename."
         )
-    said += _about_coupling(model, logs)
+    said += other_coupling(model, logs)
     idle = moving_joints(logs, None)[1]
     result: dict[str, Quality] = {}
     for name in shared:
@@ -105,22 +106,6 @@ def validate(
             "No joint that the model knows moves in the logs.", remedy="Give a log in which one moves."
         )
     return Validation(result, units=units, remarks=said[before:])
-
-
-def _about_coupling(model: FrictionModel, logs: Sequence[Log]) -> list[str]:
-    """Return a remark if motors drive several joints in the model or in a log, and not, or otherwise, in the other."""
-    for log in logs:
-        if model.coupling is not None and log.coupling is None:
-            return [
-                "Motors drive several of the model's joints together, and a log tells nothing of it: if its channels are those "
-                "of the motors, read it with --coupling FILE."
-            ]
-        if model.coupling is None and log.coupling is not None:
-            return ["A log was brought from coupled motors to its joints; the model is of no coupled motors."]
-        alike = log.names == (model.coupled or model.names)
-        if alike and log.coupling is not None and not np.allclose(log.coupling, model.coupling or ()):
-            return ["Motors drive the joints by another coupling in a log than in the model."]
-    return []
 
 
 def _logs(model: Any, logs: Any) -> list[Log]:
