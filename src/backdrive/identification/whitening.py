@@ -21,6 +21,9 @@ from backdrive.identification import regression
 MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
 # most negative correlation of neighbouring bins, and negative correlation above which it is set to zero [-]
 OPPOSITE, SLIGHT = -0.48, -0.1
+CLIPPED = (
+    0.71  # mean square of normal noise that is clipped at Huber's width, relative to that of the noise [-]
+)
 HIDDEN = 0.5  # largest share of the residual's mean square that is taken as error of the acceleration [-]
 SHOWN = 0.05  # least power of the acceleration's error, relative to the innovation of the noise, that is whitened too [-]
 LAGS = 4  # number of lags of the acceleration's error; beyond, means of a low-passed motion are hardly correlated
@@ -70,20 +73,18 @@ def colour_of(residual: np.ndarray, used: np.ndarray, false: tuple[float, ...] =
         false: products by lag of what the acceleration's error adds to the residual, (LAGS,); empty: nothing.
     """
     at = np.flatnonzero(used)
-    spread = regression.robust_spread(residual[at])
-    width = regression.HUBER * spread
+    width = regression.HUBER * regression.robust_spread(residual[at])
     score = np.clip(residual[at], -width, width)
     correlation = min(max(neighbours(score, np.diff(at)), OPPOSITE), MOST)
     if SLIGHT < correlation < 0.0:
         return WHITE
-    if not (correlation > 0.0 and spread > 0.0 and false and false[0] > 0.0):
+    if not (correlation > 0.0 and width > 0.0 and false and false[0] > 0.0):
         return Colour(correlation)
-    shares = min(1.0 / spread**2, HIDDEN / false[0]) * np.array(false)
-    correlation = min(float((correlation - shares[1]) / (1.0 - shares[0])), MOST)
-    rounding = shares / (1.0 - shares[0])
-    if rounding[0] < SHOWN * (1.0 - correlation):
+    shares = min(CLIPPED / float(np.mean(score**2)), HIDDEN / false[0]) * np.array(false)
+    alone, rounding = float((correlation - shares[1]) / (1.0 - shares[0])), shares / (1.0 - shares[0])
+    if alone > MOST or rounding[0] < SHOWN * (1.0 - alone):  # what the model lacks is no such noise
         return Colour(correlation)
-    return Colour(correlation, as_noise(rounding))
+    return Colour(alone, as_noise(rounding))
 
 
 def as_noise(products: np.ndarray) -> tuple[float, ...]:
