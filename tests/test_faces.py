@@ -133,6 +133,9 @@ def test_whole_models_are_compared(model):
         compare(pair, pair)
     assert len(compare(pair, pair, joints=["a", "b"]).changes) == 2
     assert len(compare(pair, pair, rename={"a": "b", "b": "a"}).changes) == 2
+    alone = replace(model, joints=(replace(friction, joint=replace(friction.joint, named=False)),))
+    assert "taken as the same one" in compare(alone, alone).left_out[0]
+    assert not compare(alone, alone, joints=["joint_1"]).left_out
     together = replace(pair, coupling=((1.0, 0.0), (0.5, 1.0)), coupled=())
     assert (
         "Motors drive several joints of the second model" in compare(pair, together, joints=["a"]).left_out[0]

@@ -13,10 +13,11 @@ from backdrive.identification.alignment import is_of_joint
 from backdrive.identification.delay import LATE
 from backdrive.identification.lateness import delay, delay_beside_distance
 from backdrive.identification.names import same_names
+from backdrive.identification.plausibility_law import break_away, vague_level
 from backdrive.identification.plausibility_numbers import delay_at_bound, unseen_presliding
 from backdrive.identification.quality import grade
 from backdrive.identification.remark import Case
-from backdrive.laws import LuGre
+from backdrive.laws import Law, LuGre, StribeckGauss
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Estimate
 from backdrive.plans import Multisine
@@ -116,6 +117,29 @@ def test_a_line_through_bent_friction_is_not_good(options, advice):
     assert curve.verdict.grade == "good" and not curve.warnings
     straight = identify(any_motion(dry), **options).model.joints[0]
     assert "of this law" not in " ".join(straight.warnings)
+
+
+def test_levels_of_a_law_that_contradict_each_other_or_are_not_known(sound):
+    line = identify(sound, method="motion", law="coulomb-viscous")
+    friction, evidence = line.model.joints[0], line.evidence[0]
+    peak = {"breakaway": 4.88, "coulomb": 5.0, "stribeck_velocity": 0.01, "viscous": 2.0}
+    law = Law(rate=StribeckGauss(**peak))
+
+    def said(errors):
+        changed = replace(friction, law=law, standard_errors=dict(zip(peak, errors, strict=True)))
+        case = Case(friction=changed, evidence=evidence)
+        return [rule(case) for rule in (break_away, vague_level)]
+
+    slight, known = said([0.01, 0.01, 0.002, 0.01])
+    assert slight.severity == "note" and "(4.88 N.m) lies below Coulomb friction (5 N.m)" in slight.sentence
+    assert known is None
+    unsure, vague = said([0.1, 6.0, 60.0, 0.2])
+    assert unsure is None
+    assert (
+        vague.severity == "care"
+        and "coulomb 5 ± 6 N.m" in vague.sentence
+        and "breakaway" not in vague.sentence
+    )
 
 
 def test_a_torque_at_its_limit_is_not_good(sound):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+from backdrive.identification import plausibility_law as laws
 from backdrive.identification import plausibility_logs as beside
 from backdrive.identification import plausibility_numbers as numbers
 from backdrive.identification import plausibility_residual as residual
@@ -42,7 +43,8 @@ RULES: tuple[Rule, ...] = (
     beside.siblings,
     residual.delay,
     residual.structure,
-    numbers.break_away,
+    laws.break_away,
+    laws.vague_level,
     residual.torque_steps,
     residual.encoder_steps,
     residual.wild_samples,

@@ -9,9 +9,8 @@ import numpy as np
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.model_torque import is_gravity
 from backdrive.identification.plausibility_residual import delay, structure
-from backdrive.identification.remark import EARLY, ONE_WAY_ONLY, SHARE, SURE, Case, Remark
+from backdrive.identification.remark import ONE_WAY_ONLY, SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
-from backdrive.laws.direction import ByDirection
 
 CANCEL = 3.0  # size of two opposing terms, relative to the torque, above which they cancel each other [-]
 HALF_KNOWN = 0.5  # standard error of the model torque's factor above which it is undetermined [-]
@@ -321,22 +320,3 @@ def external_share(case: Case) -> Remark | None:
         severity="care",
         sentence=f"The torque known from elsewhere has a share of {share} where 1 is meant: {cause}.",
     )
-
-
-def break_away(case: Case) -> Remark | None:
-    """Remark on break-away below Coulomb friction: far below is impossible, slightly below means that it was not measured."""
-    rate = case.friction.law.rate
-    ways = (rate.forward, rate.backward) if isinstance(rate, ByDirection) else (rate,)
-    levels = [(getattr(way, "breakaway", math.nan), getattr(way, "coulomb", math.nan)) for way in ways]
-    rest, slide = min(levels, key=lambda pair: pair[0] / pair[1] if pair[1] > 0.0 else math.inf)
-    if not rest < slide * (1.0 - SHARE):
-        return None
-    sentence = f"Break-away friction ({rest:.3g} {case.unit}) lies below Coulomb friction ({slide:.3g} {case.unit}): "
-    if rest < EARLY * slide:
-        return Remark(
-            severity="care",
-            sentence=sentence
-            + "this is physically impossible. The law was fitted to the zero crossing, or the motion does not show "
-            "its peak: choose another law (--law coulomb-viscous), or add slow motion.",
-        )
-    return Remark(severity="note", sentence=sentence + "slow motion did not show it.")

@@ -14,6 +14,7 @@ from backdrive.identification.drift.change import ALARM, REACH, Change, change_o
 from backdrive.identification.names import rename_joints, same_names
 from backdrive.model import FrictionModel
 
+PAIR = "first", "second"
 PAIRING = either("names of joints, or a dict from one model's to the other's", TABLE, NAMES)
 
 
@@ -140,9 +141,7 @@ def _pairs(
     if joints:
         words = dict(joints) if isinstance(joints, Mapping) else {name: name for name in joints}
         return [(first.joint(a).joint.name, second.joint(b).joint.name) for a, b in words.items()], []
-    by_order = same_names(
-        [j.joint for j in first.joints], [j.joint for j in second.joints], "first", "second"
-    )
+    by_order = same_names([j.joint for j in first.joints], [j.joint for j in second.joints], *PAIR)
     if by_order and not is_told:
         raise InvalidInput(
             "Joints cannot be matched: names are missing in the data, and the order of columns alone does not tell which is "
@@ -160,4 +159,9 @@ def _pairs(
         )
     left_out = [f"Joint '{n}' is only in the first model." for n in first.names if n not in common]
     left_out += [f"Joint '{n}' is only in the second model." for n in second.names if n not in common]
+    sides = [*first.joints, *second.joints]
+    if len(sides) == len(PAIR) and not is_told and any(one.joint.named is False for one in sides):
+        left_out.append(
+            "Names are missing in the data: the only joint of each model was taken as the same one."
+        )
     return [(name, name) for name in common], left_out
