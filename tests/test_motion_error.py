@@ -1,5 +1,8 @@
 """White errors of a measured motion: found by what they are, and kept out of inertia and delay."""
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -9,6 +12,10 @@ from backdrive.identification.motion_error import MotionError, mean_error, motio
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.whitening import Colour, whiten_both
 from backdrive.logs.filters import low_pass
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
+
+import _independent as independent
 
 INERTIA = 0.15
 
@@ -126,3 +133,19 @@ def test_a_sensor_that_is_too_noisy_for_the_motion_is_named():
     one = log(position=3e-3)
     still = one.replace(position=0.02 * q[:, None] + one.position - q[:, None])
     assert "position is too noisy" in smoothing([still], "j").warning
+
+
+@pytest.mark.parametrize("counts", [8192.0, 2048.0])
+def test_rounding_that_lasts_many_samples_is_no_white_noise(counts):
+    """At 5 kHz a step of these encoders lasts tens of samples: the low pass goes below the frequency of the steps."""
+    rng = np.random.default_rng(4)
+    joint = independent.Joint(coulomb=1.2, viscous=0.3, inertia=0.15)
+    logger = independent.Logger(rate=5000.0, noise=0.05, counts=counts)
+    made = independent.record(joint, independent.multisine(30.0, 0.6, rng), logger, rng)
+    channels = {"position": made.position[:, None], "torque": made.torque[:, None]}
+    log = Log(time=made.time, joints=(Joint(name="joint"),), **channels)
+    error = motion_error(log, log.need("position")[:, 0], 5000.0)
+    assert error.step == pytest.approx(2.0 * np.pi / counts, rel=1e-3)
+    assert error.size > 2.0 * error.step / 12.0**0.5
+    found = identify(log, method="motion").model.joints[0]
+    assert found.dynamics["inertia"].value == pytest.approx(0.15, rel=0.1)

@@ -9,7 +9,7 @@ positions' noise is returned.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ LENGTH, MOST = 512, 8  # length of a piece [sample], and largest number of piece
 ABOVE = 0.1  # lowest frequency at which the noise is measured [sampling rate]
 BANDS = 4  # number of bands of frequencies in which the noise of a velocity is compared
 BENDS = 4  # differences that take the motion away
+LAG = 50  # distance of the samples between which passed steps are counted
 MORE = 1.5  # least noise relative to that of the rounding, above which it is not the rounding alone [-]
 
 
@@ -104,24 +105,45 @@ class MotionError:
         return power * mean, np.cos(2.0 * np.pi * f * width)
 
 
-def motion_error(log: Log, measured: np.ndarray, rate: float) -> MotionError:
+def motion_error(log: Log, measured: np.ndarray, rate: float, *, white: bool = False) -> MotionError:
     """Return the white error of the positions of a log of one joint, or of its velocities if it has no positions.
 
     Args:
         log: of one joint.
         measured: positions [rad or m] or velocities [rad/s or m/s] without gaps, (n,).
         rate: sampling rate [Hz].
+        white: take rounding as white noise, also where a step lasts many samples.
     """
     if log.position is not None:
         size, step = _noise(measured)[0], encoder_step(log)
         rounding = MotionError.of_steps(step)
-        return MotionError(size=size) if size > MORE * rounding.size else rounding
+        if size > MORE * rounding.size:
+            return MotionError(size=size)
+        return rounding if white else replace(rounding, size=rounding.size * _crowded(measured, step))
     step = channel_step(log, "velocity", 0)
     size, of_positions = _noise(measured, velocity=True)
     per, orders = (rate, 2) if of_positions else (1.0, 1)
     if size > MORE * step / 12.0**0.5:
         return MotionError(size=size / per, orders=orders)
     return MotionError(size=step / 12.0**0.5 / per, orders=orders, step=step / per)
+
+
+def _crowded(measured: np.ndarray, step: float) -> float:
+    """Return how much larger rounding is at low frequencies than white noise of its size [-].
+
+    Where a step lasts many samples, rounding is a saw-tooth, whose power lies below the frequency of the steps or a few times that,
+    and not below half the sampling rate.
+
+    Args:
+        measured: positions, rounded [rad or m], (n,).
+        step: of the encoder [rad or m].
+    """
+    if not step > 0.0 or measured.size <= LAG:
+        return 1.0
+    passed = np.abs(measured[LAG:] - measured[:-LAG]) / (LAG * step)
+    moving = passed[passed > 0.0]
+    rate = float(np.sqrt(np.mean(moving**2))) if moving.size else 1.0
+    return float(np.sqrt(max(0.5 / max(rate, 1e-3), 1.0)))
 
 
 def mean_error(errors: Sequence[MotionError], samples: Sequence[int]) -> MotionError:

@@ -72,7 +72,9 @@ def _of_log(log: Log, cutoff: float | None, share: float) -> Smoothing:
     if not period > 0 or (measured := _longest(log)) is None:
         return Smoothing(cutoff=cutoff)
     rate = 1.0 / period
-    of_motion = motion_error(log, measured, rate)
+    of_motion = motion_error(
+        log, measured, rate, white=share < SHARE
+    )  # a finer one would take the motion away
     found = Smoothing(cutoff=cutoff, error=of_motion)
     if cutoff is not None or not of_motion.size > 0.0:
         return found
