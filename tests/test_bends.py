@@ -8,7 +8,7 @@ import pytest
 
 from backdrive import Joint, Log, identify
 from backdrive.identification import curves
-from backdrive.identification.bends import missed
+from backdrive.identification.bends import shortfall
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
 
@@ -19,10 +19,10 @@ def test_what_the_best_sections_miss_of_a_parabola():
     knots, v = np.arange(9.0), np.linspace(0.0, 8.0, 8001)
     best = np.linalg.lstsq(curves.hats(v, knots), v**2, rcond=None)[0]
     assert (best - knots**2)[2:-2] == pytest.approx(-2.0 / 12.0, abs=0.02)
-    assert missed(knots) @ knots**2 == pytest.approx(2.0 / 12.0)
-    assert missed(knots) @ (3.0 + 0.5 * knots) == pytest.approx(0.0, abs=1e-12)
+    assert shortfall(knots) @ knots**2 == pytest.approx(2.0 / 12.0)
+    assert shortfall(knots) @ (3.0 + 0.5 * knots) == pytest.approx(0.0, abs=1e-12)
     uneven = np.array([0.1, 0.2, 0.4, 1.0, 2.0])
-    assert np.all(np.abs(missed(uneven) @ uneven**2) <= np.max(np.diff(uneven)) ** 2 / 6.0 + 1e-12)
+    assert np.all(np.abs(shortfall(uneven) @ uneven**2) <= np.max(np.diff(uneven)) ** 2 / 6.0 + 1e-12)
 
 
 def identified(joint, seed):

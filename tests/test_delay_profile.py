@@ -9,6 +9,7 @@ from backdrive.identification.delay_bins import DelayStretch
 from backdrive.identification.delay_profile import _losses, refine_delay
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.signals import Signals
+from backdrive.identification.whitening import WHITE
 
 RATE, LATE, NOISE = 500.0, 0.003, 0.5
 T = np.arange(10_000) / RATE
@@ -46,26 +47,26 @@ def spread(inertia: float = 0.3) -> float:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_delay_at_a_wrong_root_is_moved_to_the_minimum(seed):
-    delay, error = refine_delay(stretches(seed), KNOTS, LINE, LATE + 0.0015, 2.0 * spread(), 0.0)
+    delay, error = refine_delay(stretches(seed), KNOTS, LINE, LATE + 0.0015, 2.0 * spread(), WHITE)
     assert abs(delay - LATE) < 4.0 * spread()
     assert error == 2.0 * spread()
 
 
 def test_an_error_that_is_too_small_is_enlarged_to_that_of_the_noise():
-    errors = [refine_delay(stretches(seed), KNOTS, LINE, LATE, 0.3 * spread(), 0.0)[1] for seed in range(8)]
+    errors = [refine_delay(stretches(seed), KNOTS, LINE, LATE, 0.3 * spread(), WHITE)[1] for seed in range(8)]
     assert np.median(errors) == pytest.approx(spread(), rel=0.3)
 
 
 def test_a_delay_without_inertia_is_not_supported():
-    delay, error = refine_delay(stretches(0, inertia=0.0), KNOTS, LINE, 0.01, 1e-4, 0.0)
+    delay, error = refine_delay(stretches(0, inertia=0.0), KNOTS, LINE, 0.01, 1e-4, WHITE)
     assert error > 20e-4 or abs(delay - LATE) < 3.0 * error
 
 
 def test_without_noise_a_delay_is_not_supported():
-    alike = _losses(stretches(0), KNOTS, LINE, np.full(3, LATE), 0.0)
+    alike = _losses(stretches(0), KNOTS, LINE, np.full(3, LATE), WHITE)
     assert alike.min() > 100.0 and alike == pytest.approx(alike[0], rel=1e-6)  # many bins, each by its noise
     silent = [each.with_sliding(np.zeros(T.size, dtype=bool)) for each in stretches(0)]
-    assert refine_delay(silent, KNOTS, LINE, LATE, 1e-4, 0.0) == (LATE, np.inf)
+    assert refine_delay(silent, KNOTS, LINE, LATE, 1e-4, WHITE) == (LATE, np.inf)
 
 
 @pytest.mark.parametrize("late", [0.002, 0.005, 0.008])

@@ -19,7 +19,7 @@ def with_bends(choice: Choice) -> Choice:
     knots, k = choice.candidate.form.knots, len(choice.candidate.terms)
     if knots.size < 3:
         return choice
-    bend, n = missed(knots), knots.size
+    bend, n = shortfall(knots), knots.size
     covariance = choice.covariance.copy()
     for first in range(k, choice.coefficients.size, n):
         way = slice(first, first + n)
@@ -28,7 +28,7 @@ def with_bends(choice: Choice) -> Choice:
     return replace(choice, covariance=covariance)
 
 
-def missed(knots: np.ndarray) -> np.ndarray:
+def shortfall(knots: np.ndarray) -> np.ndarray:
     """Return the matrix from a curve's values at knots to what line sections miss there, (n, n).
 
     Args:

@@ -31,7 +31,7 @@ def other_coupling(model: FrictionModel, logs: Sequence[Log]) -> list[str]:
     return []
 
 
-def one_is_coupled(first: FrictionModel, second: FrictionModel) -> list[str]:
+def coupling_of_one(first: FrictionModel, second: FrictionModel) -> list[str]:
     """Return a remark if motors drive several joints together in one of two models alone."""
     if (first.coupling is None) == (second.coupling is None):
         return []

@@ -119,7 +119,7 @@ def motion_error(log: Log, measured: np.ndarray, rate: float, *, white: bool = F
         rounding = MotionError.of_steps(step)
         if size > MORE * rounding.size:
             return MotionError(size=size)
-        return rounding if white else replace(rounding, size=rounding.size * _crowded(measured, step))
+        return rounding if white else replace(rounding, size=rounding.size * _excess(measured, step))
     step = channel_step(log, "velocity", 0)
     size, of_positions = _noise(measured, velocity=True)
     per, orders = (rate, 2) if of_positions else (1.0, 1)
@@ -128,7 +128,7 @@ def motion_error(log: Log, measured: np.ndarray, rate: float, *, white: bool = F
     return MotionError(size=step / 12.0**0.5 / per, orders=orders, step=step / per)
 
 
-def _crowded(measured: np.ndarray, step: float) -> float:
+def _excess(measured: np.ndarray, step: float) -> float:
     """Return how much larger rounding is at low frequencies than white noise of its size [-].
 
     Where a step lasts many samples, rounding is a saw-tooth, whose power lies below the frequency of the steps or a few times that,

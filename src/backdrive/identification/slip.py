@@ -172,7 +172,7 @@ def fix_slip(
     """
     bins = bins_at_delay(stretches, delay, knots, full)
     theta = fit(bins)
-    colour = colour_of(bins.y - bins.X @ theta, bins.used, _felt(false, full, theta))
+    colour = colour_of(bins.y - bins.X @ theta, bins.used, _in_torque(false, full, theta))
     return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, colour=colour)
 
 
@@ -207,7 +207,7 @@ def seek_slip(
         bins = bins_at_delay(stretches, delay, knots, full)
         if known is None and not tried:  # for white noise, the fit need not be repeated
             theta = fit(bins, rounds=rounds)
-            colour = colour_of(bins.y - bins.X @ theta, bins.used, _felt(false, full, theta))
+            colour = colour_of(bins.y - bins.X @ theta, bins.used, _in_torque(false, full, theta))
         if theta is None or tried or colour != WHITE:
             bins = bins.whiten(colour)
             theta = fit(bins, theta, rounds)
@@ -329,7 +329,7 @@ def fit(bins: Bins, start: np.ndarray | None = None, rounds: int = regression.MA
     return regression.robust_solution(bins.X, bins.y, bins.used.astype(float), rounds, start)
 
 
-def _felt(false: tuple[float, ...], full: design.Candidate, theta: np.ndarray) -> tuple[float, ...]:
+def _in_torque(false: tuple[float, ...], full: design.Candidate, theta: np.ndarray) -> tuple[float, ...]:
     """Return the products by lag of what the error of the acceleration's means adds to a residual."""
     square = float(theta[full.terms.index("inertia")]) ** 2
     return tuple(square * product for product in false)

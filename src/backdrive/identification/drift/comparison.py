@@ -9,7 +9,7 @@ from typing import Any
 from backdrive._arguments import NAMES, NUMBER, TABLE, check_arguments, either, guard_keywords, optional
 from backdrive._upper import Display
 from backdrive.errors import InvalidInput, check_type
-from backdrive.identification.coupling import one_is_coupled
+from backdrive.identification.coupling import coupling_of_one
 from backdrive.identification.drift.change import ALARM, REACH, Change, change_of, kind_of
 from backdrive.identification.names import rename_joints, same_names
 from backdrive.model import FrictionModel
@@ -108,7 +108,7 @@ def compare(
         )
     second = _rename_joints(second, rename or {})
     pairs, left_out = _pairs(first, second, joints, is_told=bool(joints or rename))
-    left_out += one_is_coupled(first, second)
+    left_out += coupling_of_one(first, second)
     changes = [change_of(first.joint(a), second.joint(b), top_speed=top_speed, alarm=alarm) for a, b in pairs]
     return Comparison(changes=tuple(changes), left_out=tuple(left_out), models=(first, second))
 
