@@ -73,6 +73,10 @@ def main() -> None:
     for key in sorted(cells, key=lambda k: ([c.name for c in CONDITIONS].index(k[0]), k)):
         _judge(judge, key, cells[key], key[0] in silent, asked.logs)
     print(f"{len(cells)} cells, {len(judge.short)} of them fall short")
+    if asked.logs < WHOLE:
+        print(
+            f"a short run: shares may be off by two standard errors of chance; {WHOLE} logs have no such slack"
+        )
     judge.end()
 
 

@@ -20,10 +20,8 @@ if TYPE_CHECKING:
 BARS = "▁▂▃▄▅▆▇█"
 PLAIN = "_.-~=+*#"
 WIDTH = 32  # characters of a small plot
-SMOOTH, FEWEST = (
-    0.05,
-    100,
-)  # largest change from sample to sample of a smooth motion [standard deviation]; least samples
+SMOOTH = 0.05  # largest change from sample to sample of a smooth motion [standard deviation]
+FEWEST = 100  # least number of samples of one
 LEFT_ALONE = "Leave it: the repair does not help this log, and --repair undoes it."
 MOST = 12  # up to so many logs are shown in full; of more, only the faults
 
@@ -151,7 +149,8 @@ def summary(log: Log) -> dict[str, Any]:
 
     steps = np.diff(log.time)
     period = log.period
-    jitter = variation(Exam(log.rows(np.argsort(log.time, kind="stable"))))[0]  # as its check sees it
+    in_order = log if not steps.size or steps.min() >= 0.0 else log.rows(np.argsort(log.time, kind="stable"))
+    jitter = variation(Exam(in_order))[0]  # as its check sees it
     channels: dict[str, Any] = {}
     for name, values in log.channels.items():
         for column, joint in enumerate(log.joints):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification.motion_bins import moving_average
-from backdrive.identification.whitening import LAGS, WHITE, Colour
+from backdrive.identification.whitening import LAGS, WHITE, Colour, power_of
 from backdrive.logs.filters import power_gain
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import channel_step, encoder_step
@@ -79,10 +79,7 @@ class MotionError:
             white = (1.0 + share**2) / (1.0 + share**2 + 2.0 * share * turn)
         else:
             noise = (1.0 - correlation**2) / (1.0 + correlation**2 - 2.0 * correlation * turn)
-            false = sum(
-                (1.0 + (lag > 0)) * product * np.cos(lag * np.arccos(turn))
-                for lag, product in enumerate(colour.rounding)
-            )
+            false = power_of(colour.rounding, np.arccos(turn))
             white = (1.0 + sum(colour.rounding[:1])) / (noise + np.maximum(false, 0.0))
         return float(np.mean(power * white))
 

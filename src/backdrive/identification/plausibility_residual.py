@@ -37,9 +37,8 @@ SLOWEST = 5.0  # sampling rate below which the time is probably not in seconds [
 
 def clock(case: Case) -> Remark | None:
     """Remark on a time that is probably not in seconds."""
-    if case.residual is None or not case.residual.period > 1.0 / SLOWEST:
-        return None
-    return Remark(severity="care", sentence=slow_clock(1.0 / case.residual.period))
+    sentence = "" if case.residual is None else slow_clock(1.0 / case.residual.period)
+    return Remark(severity="care", sentence=sentence) if sentence else None
 
 
 def slow_clock(rate: float) -> str:

@@ -11,6 +11,7 @@ pass. The numerator above then has a covariance in a band of a few samples; its 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,10 +94,22 @@ def as_noise(products: np.ndarray) -> tuple[float, ...]:
     Args:
         products: of neighbours by lag, (LAGS,).
     """
-    lags = np.arange(LAGS)
-    waves = np.cos(np.outer(ANGLES, lags)) * np.where(lags > 0, 2.0, 1.0)
-    missing = max(RIDGE * products[0] - float(np.min(waves @ products)), 0.0)
-    return tuple((products + missing * (lags == 0)).tolist())
+    found = [float(product) for product in products]
+    found[0] += max(RIDGE * found[0] - float(np.min(power_of(found, ANGLES))), 0.0)
+    return tuple(found)
+
+
+def power_of(products: Sequence[float], angle: np.ndarray) -> np.ndarray:
+    """Return the power by frequency of noise with given products by lag, in their unit, (n,).
+
+    Args:
+        products: of neighbours by lag.
+        angle: frequencies [rad/bin], (n,).
+    """
+    return sum(
+        ((1.0 + (lag > 0)) * product * np.cos(lag * angle) for lag, product in enumerate(products)),
+        np.zeros_like(angle),
+    )
 
 
 def whiten(rows: np.ndarray, apart: np.ndarray, correlation: float) -> np.ndarray:
@@ -123,7 +136,7 @@ def whiten_both(rows: np.ndarray, at: np.ndarray, colour: Colour) -> np.ndarray:
     Args:
         rows: one a bin, (n, m).
         at: index of each bin, ascending, (n,).
-        colour: with a positive correlation and a rounding.
+        colour: with a correlation from 0 to below 1, and a rounding.
     """
     kept = np.append(0.0, colour.correlation ** np.diff(at))
     left = rows - kept[:, None] * np.vstack([rows[:1], rows[:-1]])
