@@ -5,7 +5,7 @@ import pytest
 
 from backdrive import Joint, Log, identify
 from backdrive.identification.dynamic.choice import windows
-from backdrive.identification.motion_bins import Bins, block_count, moves_of, moving_average, period_of
+from backdrive.identification.motion_bins import Bins, block_count, moving_average, period_of
 from backdrive.identification.signals import prepare
 from backdrive.identification.whitening import Colour
 
@@ -79,7 +79,7 @@ def test_a_delay_that_is_long_but_not_known_well_is_corrected_without_errors_of_
 
 def test_blocks_and_windows_last_a_period_of_the_motion():
     fast, slow = (
-        period_of([moves_of(s) for s in prepare(sines(0.0, seconds=60.0, slow=share), "j1")])
+        period_of([s.moves for s in prepare(sines(0.0, seconds=60.0, slow=share), "j1")])
         for share in (1.0, 0.2)
     )
     assert slow == pytest.approx(5.0 * fast, rel=0.35)

@@ -209,8 +209,8 @@ import json, resource, sys, time
 sys.path.insert(0, {folder!r})
 import growth
 from backdrive import Log, identify
-t, q, tau = growth.signals(20000)
-logs = [Log.from_arrays(time=t, position=q, torque=growth.signals(20000, seed=s)[2]) for s in range(5)]
+each = [growth.signals(20000, seed=s) for s in range(5)]
+logs = [Log.from_arrays(time=t, position=q, torque=tau) for t, q, tau in each]
 identify(logs[0])
 begun, rest = time.process_time(), []
 for k in range({n}):

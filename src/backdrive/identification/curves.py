@@ -98,7 +98,7 @@ def hats(speed: np.ndarray, knots: np.ndarray) -> np.ndarray:
 def _places(speed: np.ndarray, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the index of the knot below each speed, and the relative distance from it to the next knot, (n,) each."""
     left = np.searchsorted(knots[1:-1], speed, side="right")
-    return left, (speed - knots[left]) / np.diff(knots)[left]
+    return left, (speed - knots[left]) / (knots[1:] - knots[:-1])[left]
 
 
 def basis(velocity: np.ndarray, knots: np.ndarray) -> np.ndarray:

@@ -92,13 +92,14 @@ def delay_motion(signals: Signals, delay: float) -> Signals:
     if not delay:
         return signals
     samples = delay * signals.rate
-    return replace(
+    moved = replace(
         signals,
         velocity=earlier(signals.velocity, samples),
         acceleration=earlier(signals.acceleration, samples),
         position=None if signals.position is None else earlier(signals.position, samples),
         load=None if signals.load is None else np.ascontiguousarray(earlier(signals.load.T, samples).T),
     )
+    return moved.with_pull_of(signals, lambda wave: earlier(wave, samples))
 
 
 def torque_between(signals: Signals, delay: float) -> np.ndarray:

@@ -19,7 +19,6 @@ from backdrive.identification.motion_bins import (
     Bins,
     bin_size,
     block_count,
-    moves_of,
     period_of,
 )
 from backdrive.identification.signals import Signals
@@ -41,7 +40,7 @@ class DelayStretch:
     def __init__(self, s: Signals, seconds: float, jerk: np.ndarray | None = None):
         self.width, self.count = bin_size(s, seconds)
         self.rate, self.samples = s.rate, s.time.size
-        self.duration, self.moves = s.time.size / s.rate, moves_of(s)
+        self.duration, self.moves = s.time.size / s.rate, s.moves
         self.torque = filters.means(s.torque, self.width)
         self._known = np.zeros(self.count)
         if s.model_torque is not None:
@@ -55,9 +54,8 @@ class DelayStretch:
         if jerk is None:
             filters.low_pass_rows([s.jerk], OF_JERK, s.rate, out=series[1:2])
         np.negative(series[1] if jerk is None else jerk, out=series[1])
-        if s.position is not None:
-            np.cos(s.position, out=series[3])
-            np.sin(s.position, out=series[2])
+        if s.pull is not None:
+            series[2], series[3] = s.pull
         self._hold_ends()
 
     def with_sliding(self, sliding: np.ndarray) -> DelayStretch:

@@ -96,7 +96,7 @@ def head(s: Signals, linear: Callable[[np.ndarray], np.ndarray] = np.asarray) ->
     """Return the columns of all terms but friction, (n,) each, or (m,) after a linear function that maps ones to ones."""
     acceleration = linear(s.acceleration)
     zero = np.zeros_like(acceleration)
-    pull = (zero, zero) if s.position is None else (linear(np.sin(s.position)), linear(np.cos(s.position)))
+    pull = (zero, zero) if s.pull is None else (linear(s.pull[0]), linear(s.pull[1]))
     known = zero if s.model_torque is None else linear(s.model_torque)
     return acceleration, -linear(s.jerk), zero + 1.0, *pull, known
 

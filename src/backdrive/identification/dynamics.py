@@ -9,8 +9,6 @@ terms is delayed by it.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from backdrive.engine import rollout
@@ -52,9 +50,6 @@ def _pull(friction: JointFriction, signals: Signals) -> np.ndarray | float:
         raise _cannot(friction, "gravity", "position", "q")
     if not terms:
         return 0.0
-    if len(terms) == 2 and signals.position is not None:  # one sine instead of a sine and a cosine
-        along, across = (friction.dynamics[term].value for term in GRAVITY)
-        return math.hypot(along, across) * np.sin(signals.position + math.atan2(across, along))
     return np.array([friction.dynamics[term].value for term in terms]) @ columns(signals, terms)
 
 

@@ -63,8 +63,8 @@ def _lowest(res: Residual, rows: np.ndarray, terms: np.ndarray) -> tuple[float, 
     """Return the shift that terms (m, p) explain best [s], and the residual relative to that without a shift [-]."""
     reach, columns = _reach(res), orthonormal(terms)
     torque = np.lib.stride_tricks.sliding_window_view(res.torque, 2 * reach + 1)[rows - reach]
-    torque -= columns @ (columns.T @ torque)
-    powers = np.einsum("nk,nk->k", torque, torque)
+    explained = columns.T @ torque
+    powers = np.einsum("nk,nk->k", torque, torque) - np.einsum("pk,pk->k", explained, explained)
     best = int(np.argmin(powers))
     if best in (0, 2 * reach):
         return None  # no minimum: the model lacks a slow effect, and any shift lowers the residual

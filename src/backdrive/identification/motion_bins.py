@@ -10,9 +10,10 @@ from scipy.linalg import solve_banded
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import design, regression
-from backdrive.identification.signals import Signals, default_cutoff, turns
+from backdrive.identification.signals import Signals, default_cutoff
 from backdrive.identification.whitening import Colour, whiten, whiten_both
 from backdrive.logs import filters
+from backdrive.logs.quantiles import median
 
 BIN_TIME = 0.01  # shortest bin [s]
 LONGEST_BIN = 0.1  # longest bin [s]
@@ -119,7 +120,7 @@ def bin_time(stretches: Sequence[Signals], cutoff: float | None) -> float:
         cutoff: cutoff frequency of the motion's low pass [Hz]; None: the default.
     """
     ringing = 1.0 / cutoff if cutoff else SHORTER / default_cutoff(stretches[0].rate)
-    period = period_of([moves_of(s) for s in stretches])
+    period = period_of([s.moves for s in stretches])
     longest = 0.5 * OF_A_MOVE * period if period else LONGEST_BIN
     return max(BIN_TIME, min(ringing, longest, LONGEST_BIN))
 
@@ -146,15 +147,10 @@ def period_of(moves: Sequence[np.ndarray]) -> float:
     """Return the period of a motion, twice the median time between two reversals [s]; 0 if there are no two reversals.
 
     Args:
-        moves: times between reversals of each stretch, from `moves_of` [s].
+        moves: times between reversals of each stretch, from `Signals.moves` [s].
     """
     every = np.concatenate(moves)
-    return 2.0 * float(np.median(every)) if every.size else 0.0
-
-
-def moves_of(s: Signals) -> np.ndarray:
-    """Return the times between reversals [s], (m,)."""
-    return np.diff(turns(s.velocity[s.sliding])) / s.rate
+    return 2.0 * median(every) if every.size else 0.0
 
 
 def moves(stretches: Sequence[Signals]) -> int:
@@ -219,7 +215,7 @@ def bin_means(
         used=used > filled,
         speed=speed,
         blocks=block_count(
-            sum(s.time.size / s.rate for s in stretches), period_of([moves_of(s) for s in stretches])
+            sum(s.time.size / s.rate for s in stretches), period_of([s.moves for s in stretches])
         ),
     )
 

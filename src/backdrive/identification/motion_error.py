@@ -181,8 +181,7 @@ def _noise(x: np.ndarray, velocity: bool = False) -> tuple[float, bool]:
     shapes = [np.ones(f.size)]
     if velocity:
         shapes += [4.0 * np.sin(np.pi * f) ** 2, np.sin(2.0 * np.pi * f) ** 2]
-    uneven = [_uneven(power / shape) for shape in shapes]
-    best = int(np.argmin(uneven))
+    best = int(np.argmin([_uneven(power / shape) for shape in shapes])) if velocity else 0
     return float(np.sqrt(np.median(power / shapes[best]))), best > 0
 
 

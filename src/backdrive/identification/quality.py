@@ -13,11 +13,13 @@ from backdrive.identification.delay import sliding_in_step
 from backdrive.identification.dynamics import predict
 from backdrive.identification.residual import Part
 from backdrive.identification.signals import Signals
-from backdrive.logs.filters import low_pass_rows
+from backdrive.logs.filters import low_pass_rows, means
 from backdrive.model import JointFriction, Quality
 
 JUDGED_BELOW = 5.0  # cutoff frequency of the zero-phase low pass on both torques [Hz]
 LEAST_SHARE = 0.2  # least sum of the low pass's weights inside the mask that is normalised to 1 [-]
+FINE = 50.0  # rate of the means that are low-passed, relative to the cutoff frequency of the low pass [-]
+FEWEST = 8  # least number of means of a stretch
 LONG = 200_000  # largest number of samples of series that are low-passed together, which is faster but takes memory
 GOOD, FAIR = 15.0, 35.0  # largest residual of a result that is good, or usable with care [%]
 
@@ -50,8 +52,10 @@ def _qualities(
         for first in range(0, len(every), at_once):
             group = slice(first, first + at_once)
             series = [tau if hat is None else tau - hat for hat in every[group]]
-            slow, share = _slow(series, inside, rate, share)
-            total[:, group] += [[np.einsum("n,n,n", x, inside, x) for x in each] for each in (slow, series)]
+            masked = [x * inside for x in series]
+            total[1, group] += [x @ x for x in masked]
+            slow, share, weight = _slow(masked, inside, rate, share)
+            total[0, group] += [np.einsum("n,n,n", x, weight, x) for x in slow]
         count += int(np.count_nonzero(mask))
     (below, *above), (raw_below, *raw_above) = total.tolist()
     return [
@@ -66,27 +70,29 @@ def _qualities(
 
 
 def _slow(
-    series: Sequence[np.ndarray], inside: np.ndarray, rate: float, share: np.ndarray | None
-) -> tuple[list[np.ndarray], np.ndarray | None]:
-    """Return low-passed series without the contribution of samples outside a mask, (n,) each, and the share that is left.
+    masked: Sequence[np.ndarray], inside: np.ndarray, rate: float, share: np.ndarray | None
+) -> tuple[list[np.ndarray], np.ndarray | None, np.ndarray]:
+    """Return low-passed means of series without the contribution of samples outside a mask, (m,) each, the share of the low pass
+    that is left, (m,), and how many samples of each mean are inside, (m,).
 
     Args:
-        series: of one stretch, (n,) each.
+        masked: series of one stretch, 0 outside the mask, (n,) each.
         inside: 1 for samples inside the mask, 0 outside, (n,).
         rate: sampling rate [Hz].
-        share: sum of the low pass's weights inside the mask [-], (n,), from an earlier call; None: computed.
+        share: sum of the low pass's weights inside the mask [-], (m,), from an earlier call; None: computed.
     """
+    width = max(1, min(int(rate // (FINE * JUDGED_BELOW)), inside.size // FEWEST))
+    rows, inner = [means(x, width) for x in masked], means(inside, width)
     if inside.all():
-        return list(low_pass_rows(series, JUDGED_BELOW, rate)), None
-    rows = [x * inside for x in series]
+        return list(low_pass_rows(rows, JUDGED_BELOW, rate / width)), None, width * inner
     if share is None:
-        lowest, *slow = low_pass_rows([inside, *rows], JUDGED_BELOW, rate)
+        lowest, *slow = low_pass_rows([inner, *rows], JUDGED_BELOW, rate / width)
         share = np.maximum(lowest, LEAST_SHARE)
     else:
-        slow = list(low_pass_rows(rows, JUDGED_BELOW, rate))
+        slow = list(low_pass_rows(rows, JUDGED_BELOW, rate / width))
     for x in slow:
         x /= share
-    return slow, share
+    return slow, share, width * inner
 
 
 def _percent(above: float, below: float) -> float:

@@ -20,7 +20,9 @@ MOST_NOISE = 0.5  # largest share of a column's mean square that is taken as noi
 WELL = 1e6  # condition number up to which an inverse is as accurate as a pseudoinverse [-]
 HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
 # largest change of all residuals together in the last round of a robust fit [width of Huber's loss]
-SETTLED = 3e-3
+SETTLED = 1e-2
+CLOSE = 3.0  # largest such change before a Newton step [width of Huber's loss]
+HELD = 0.05  # weight of a residual on the line in a Newton step, so that no column is undetermined [-]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -194,15 +196,22 @@ def _reweigh(
         size = np.abs(residual)
         width = HUBER * _spread_of(size) if count else 0.0
         before -= residual
-        if before @ before <= (SETTLED * width) ** 2:  # a standard error changes them by about a width
+        moved = float(before @ before)
+        if moved <= (SETTLED * width) ** 2:  # a standard error changes them by about a width
             break
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
-        part = _rows(
-            X, y, inside[lighter], lost
-        )  # few rows, whose lost weight is subtracted from all equations
-        part /= scale
-        solution = _solve_unit(whole - part.T @ part)
+        # Newton's step near the solution, where the width is steady; reweighting is slower, but leads there from anywhere
+        direct = moved <= (CLOSE * width) ** 2
+        given = (1.0 - HELD) * prior[lighter] if direct else lost
+        rows = _rows(X, y, inside[lighter], given)  # few, whose weight is subtracted from all equations
+        rows /= scale
+        equations = whole - rows.T @ rows
+        if direct:  # the line that continues the square pulls with a constant force
+            far = residual[lighter]
+            force = (np.copysign(width, far) - HELD * far) * np.sqrt(prior[lighter] / (1.0 - HELD))
+            equations[:p, p] += force @ rows[:, :p]
+        solution = _solve_unit(equations)
     weights = prior.copy()
     weights[lighter] -= lost
     result = np.zeros(w.size)
@@ -214,7 +223,7 @@ def _rows(X: np.ndarray, y: np.ndarray, at: np.ndarray, weight: np.ndarray) -> n
     """Return some rows of X and y side by side, times the square roots of their weights, (m, p + 1)."""
     rows = np.empty((at.size, X.shape[1] + 1))
     rows[:, :-1], rows[:, -1] = X.take(at, axis=0), y.take(at)
-    if not np.all(weight == 1.0):
+    if not (weight == 1.0).all():
         rows *= np.sqrt(weight)[:, None]
     return rows
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -70,8 +72,32 @@ class Signals:
 
     def rows(self, part: slice) -> Signals:
         """Return the signals of some samples."""
-        arrays = {k: v[part] for k, v in vars(self).items() if isinstance(v, np.ndarray)}
-        return replace(self, **arrays)
+        if part.indices(self.time.size) == (0, self.time.size, 1):
+            return self
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        cut = replace(self, **{k: v[part] for k, v in arrays.items() if isinstance(v, np.ndarray)})
+        return cut.with_pull_of(self, lambda wave: wave[part])
+
+    @cached_property
+    def moves(self) -> np.ndarray:
+        """Times between reversals [s], (m,)."""
+        return np.diff(turns(self.velocity[self.sliding])) / self.rate
+
+    @property
+    def pull(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """Sine and cosine of the position, (n,) each, of a stretch of moderate length computed once; None without position."""
+        kept = vars(self).get("_pull")
+        if kept is None and self.position is not None:
+            kept = np.sin(self.position), np.cos(self.position)
+            if self.time.size <= filters.SHORT:
+                vars(self)["_pull"] = kept
+        return kept
+
+    def with_pull_of(self, other: Signals, change: Callable[[np.ndarray], np.ndarray]) -> Signals:
+        """Return itself, with what a change makes of the sine and cosine of another's position if they are known."""
+        if (kept := vars(other).get("_pull")) is not None:
+            vars(self)["_pull"] = change(kept[0]), change(kept[1])
+        return self
 
 
 #: The latest stretches of a log of moderate length, since the choice of a method and the method both need them.

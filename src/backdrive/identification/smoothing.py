@@ -140,10 +140,11 @@ def _longest(log: Log) -> np.ndarray | None:
     good = np.flatnonzero(np.isfinite(motion[:, 0]) & np.isfinite(log.time))
     if good.size < 50:
         return None
-    part = max((good[rows] for rows in between_gaps(log.time[good], log.period, 1)), key=len)
-    middle = max(0, (len(part) - LONGEST) // 2)
-    part = part[middle : middle + LONGEST]
-    _, along = uniform(log.rows(part), log.period)  # a lost sample is no jump of the position
+    part = max(between_gaps(log.time[good], log.period, 1), key=lambda rows: rows.stop - rows.start)
+    first = max(part.start, (part.start + part.stop - LONGEST) // 2)
+    part = slice(first, min(first + LONGEST, part.stop))
+    rows = part if good.size == len(log) else good[part]
+    _, along = uniform(log.rows(rows), log.period)  # a lost sample is no jump of the position
     motion = along.velocity if along.position is None else along.position
     return None if motion is None else motion[:, 0]
 

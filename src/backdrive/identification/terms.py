@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from backdrive.errors import NotIdentifiable
+from backdrive.identification.signals import Signals
 from backdrive.model import Estimate
 
 #: Term -> unit for a rotary and for a linear joint, including parameters of an axis with its drive and of the initial state.
@@ -82,14 +83,12 @@ def column(motion: Any, term: str) -> np.ndarray:
             "Gravity is sought, but the log holds no position.",
             remedy="Record the position, or leave gravity out.",
         )
+    if isinstance(motion, Signals) and motion.pull is not None:
+        return motion.pull[GRAVITY.index(term)]
     return np.sin(motion.position) if term == "gravity_sin" else np.cos(motion.position)
 
 
 def columns(motion: Any, terms: Iterable[str]) -> np.ndarray:
     """Return the regressor columns of some terms of `RIGID`, one per row, (k, n)."""
-    wanted = list(terms)
-    pulls: dict[str, np.ndarray] = {}
-    if set(GRAVITY) <= set(wanted) and motion.position is not None:
-        pulls = dict(zip(GRAVITY, (np.sin(motion.position), np.cos(motion.position)), strict=True))
-    rows: Sequence[np.ndarray] = [pulls[t] if t in pulls else column(motion, t) for t in wanted]
+    rows = [column(motion, term) for term in terms]
     return np.array(rows).reshape(len(rows), len(motion.torque))

@@ -31,7 +31,7 @@ from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.motion import identify_motion
-from backdrive.identification.motion_bins import bin_time, moves_of, period_of
+from backdrive.identification.motion_bins import bin_time, period_of
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare
@@ -102,7 +102,7 @@ class TorqueTask(Task):
             self.shown, self.judges, self.whole = stretches, [s for _, s in self.unseen], None
             self.masks = [np.ones(len(s.torque), dtype=bool) for s in self.judges]
         else:
-            slow = period_of([moves_of(s) for s, _ in self.pairs]) / stretches[0].dt
+            slow = period_of([s.moves for s, _ in self.pairs]) / stretches[0].dt
             self.masks = choice.windows([len(s.torque) for s in stretches], slow)
             self.shown = choice.without(stretches, self.masks)
             self.judges = self.whole = stretches

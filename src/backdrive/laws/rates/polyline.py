@@ -11,6 +11,7 @@ phi(v) of (2.8), with |v| in (2.9g).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -140,10 +141,15 @@ class Polyline(Rate):
 
     def row(self) -> np.ndarray:
         """Return [N, F_p, F_n, V_1..V_N, lines along +q, lines along -q], the last knots at infinity, (9 + 7 N,)."""
-        count, V = self.sections(), np.array(self.velocity)
-        knots = np.full(count, np.inf)
-        knots[: max(V.size - 1, 1)] = V[: max(V.size - 1, 1)]
-        (F_p, forward), (F_n, backward) = (
-            lines(V, np.array(F), count) for F in (self.positive, self.negative)
-        )
-        return np.concatenate([[count, F_p, F_n], knots, forward.ravel(), backward.ravel()])
+        return _row(self.sections(), self.velocity, self.positive, self.negative).copy()
+
+
+@lru_cache(maxsize=64)
+def _row(
+    count: int, velocity: tuple[float, ...], positive: tuple[float, ...], negative: tuple[float, ...]
+) -> np.ndarray:
+    """Return the row of a curve, computed once: it takes longer than to evaluate the curve."""
+    V, knots = np.array(velocity), np.full(count, np.inf)
+    knots[: max(V.size - 1, 1)] = V[: max(V.size - 1, 1)]
+    (F_p, forward), (F_n, backward) = (lines(V, np.array(F), count) for F in (positive, negative))
+    return np.concatenate([[count, F_p, F_n], knots, forward.ravel(), backward.ravel()])

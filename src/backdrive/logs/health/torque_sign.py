@@ -80,7 +80,7 @@ def friction(exam: Exam, j: int) -> tuple[float, float, float] | None:
     if moving.sum() < 60 or not _BOTH < np.mean(m.velocity[moving] > 0) < 1 - _BOTH:
         return None
     x = m.terms[moving, : m.plain]
-    y = m.torque[moving][:, REACH : REACH + 1]
+    y = m.torque[:, REACH : REACH + 1][moving]
     gram, cross, _ = normal_equations(x, y, m.fold[moving])
     if gram.shape[0] < 4:
         return None
