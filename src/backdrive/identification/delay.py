@@ -65,11 +65,9 @@ def delay_signals(signals: Signals, delay: float) -> Signals:
     """Return signals with motion and load delayed by a time [s]; torque and model torque are not shifted."""
     if not delay:
         return signals
-    return replace(
-        delay_motion(signals, delay),
-        jerk=earlier(signals.jerk, delay * signals.rate),
-        sliding=_delay_sliding(signals, delay),
-    )
+    moved = delay_motion(signals, delay)
+    jerk, sliding = earlier(signals.jerk, delay * signals.rate), _delay_sliding(signals, delay)
+    return replace(moved, jerk=jerk, sliding=sliding).with_pull_of(moved)
 
 
 def _delay_sliding(signals: Signals, delay: float) -> np.ndarray:

@@ -70,7 +70,8 @@ def after_build_up(stretches: Sequence[Signals], distance: float) -> list[Signal
     """Return stretches in which samples within a distance after a reversal [rad or m] do not count as sliding."""
     if not distance > 0.0:
         return list(stretches)
-    return [replace(s, sliding=s.sliding & (way_since_reversal(s)[0] >= distance)) for s in stretches]
+    masks = [s.sliding & (way_since_reversal(s)[0] >= distance) for s in stretches]
+    return [replace(s, sliding=mask).with_pull_of(s) for s, mask in zip(stretches, masks, strict=True)]
 
 
 def _from_move_to_move(error: np.ndarray, band: np.ndarray, moves: np.ndarray) -> float:

@@ -93,8 +93,10 @@ class Signals:
                 vars(self)["_pull"] = kept
         return kept
 
-    def with_pull_of(self, other: Signals, change: Callable[[np.ndarray], np.ndarray]) -> Signals:
-        """Return itself, with what a change makes of the sine and cosine of another's position if they are known."""
+    def with_pull_of(
+        self, other: Signals, change: Callable[[np.ndarray], np.ndarray] = np.asarray
+    ) -> Signals:
+        """Return itself, with what a change makes of the sine and cosine of another's position, if they are known."""
         if (kept := vars(other).get("_pull")) is not None:
             vars(self)["_pull"] = change(kept[0]), change(kept[1])
         return self
