@@ -56,6 +56,15 @@ def test_bins_along_any_delay(delay, changes):
     assert got.blocks == wanted.blocks
 
 
+def test_sine_and_cosine_of_a_position_go_with_its_signals():
+    s = stretch()
+    assert np.array_equal(s.pull, [np.sin(s.position), np.cos(s.position)])
+    assert s.pull[0] is s.pull[0]
+    for part in (s.rows(slice(100, 900)), delay_signals(s, 0.0013), replace(s, position=-s.position)):
+        assert np.allclose(part.pull, [np.sin(part.position), np.cos(part.position)], atol=1e-7)
+    assert stretch(position=None).pull is None
+
+
 @pytest.mark.parametrize("both", [True, False])
 def test_columns_of_one_candidate(both):
     s, knots = stretch(), 3.0 * np.array(curves.SHARES)

@@ -84,9 +84,23 @@ def test_a_robust_fit_is_the_least_of_huber_s_loss(wild, start):
     assert weights == pytest.approx(regression.huber_weights(y - X @ theta, width), abs=1e-3)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.15])
+def test_a_robust_fit_is_exact_after_few_rounds(share):
+    rng = np.random.default_rng(3)
+    X = rng.standard_normal((3000, 6))
+    y = X @ np.arange(6.0) + 0.1 * rng.standard_normal(3000)
+    y += 3.0 * rng.standard_normal(3000) * (rng.uniform(size=3000) < share)
+    w = rng.uniform(0.2, 1.0, size=3000) * (rng.uniform(size=3000) < 0.9)
+    theta = regression.robust_solution(X, y, w, rounds=4)
+    residual = y - X @ theta
+    width = regression.HUBER * regression.robust_spread(residual, w)
+    pull = X.T @ (w * np.clip(residual, -width, width))
+    assert np.abs(pull).max() < 2e-4 * width * np.sqrt(3000)  # by reweighting alone, up to 1e-3
+
+
 @pytest.mark.parametrize("kind", ["spikes", "bursts", "cauchy", "leverage"])
 def test_a_robust_fit_stays_with_the_many(kind):
-    """Newton's method cycles on such data, which is why the weights are iterated."""
+    """Newton's method cycles on such data: weights are iterated until the solution is near."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         X, noise = rng.standard_normal((1000, 3)), 0.1 * rng.standard_normal(1000)
