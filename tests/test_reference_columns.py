@@ -405,8 +405,7 @@ def test_names_in_doubt_and_notes():
     assert "torque" not in amps.columns and any("is in A" in note for note in amps.notes)
     some = _names.guess(dict.fromkeys(["t", "a.q", "b.q", "a.tau"], 1), {})
     assert some.joints == ("a", "b") and any(
-        "Only some joints have a torque (a.tau" in n or "Only some joints have a torque (a)" in n
-        for n in some.notes
+        "torque: b has none (a.tau of a is there)" in n for n in some.notes
     )
     assert _names.guess({"t": 1, "q_deg": 1}, {}).units == {"q_deg": "deg"}
     assert _names.bare("ActualQ [x]") == "actual_q_x"

@@ -145,7 +145,8 @@ def test_units_have_to_be_those_of_the_channel(names, stated, found, ending, not
             "t dq1 dq2 tau1",
             {"velocity": ("dq1", "dq2")},
             ("joint_1", "joint_2"),
-            "Columns of torque are numbered (1,), those of velocity (1, 2): left out.",
+            "No column was taken as torque: joint_2 has none (tau1 of joint_1 is there). Name its column, --map tau=tau1,COLUMN, "
+            "or leave the joint out, --names joint_1.",
         ),
         (
             "t q1 q2 dq2 dq1 tau2 tau1",
@@ -197,7 +198,10 @@ def test_of_several_names_the_usual_one_is_taken(names, columns, joints, note):
             "t a.q b.q a.tau",
             {"time": ("t",), "position": ("a.q", "b.q")},
             ("a", "b"),
-            ("Only some joints have a torque (a): left out.",),
+            (
+                "No column was taken as torque: b has none (a.tau of a is there). Name its column, --map tau=a.tau,COLUMN, "
+                "or leave the joint out, --names a.",
+            ),
         ),
         ("t a.pos a.q b.q", {"time": ("t",), "position": ("a.q", "b.q")}, ("a", "b"), ()),
         ("stamp t a.q b.q", {"time": ("t",), "position": ("a.q", "b.q")}, ("a", "b"), ()),

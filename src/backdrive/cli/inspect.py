@@ -118,7 +118,8 @@ def doubts(log: Log) -> list[str]:
     if log.period > 0.0 and (unit := slow_clock(1.0 / log.period)) and _is_smooth(log):
         found.append(unit)
     if log.torque is None and log.drive_input is None:
-        way = "Map a column, for example --map tau=COLUMN."
+        said = [note for note in log.notes if note.startswith("No column was taken as torque")]
+        way = said[0] if said else "Map a column, for example --map tau=COLUMN."
         if log.reference is not None:
             way += (
                 " If the reference is the goal of a servo, `backdrive identify --drive position,proportional=GAIN` "
@@ -237,7 +238,9 @@ def _print(
                 drawn = small_plot(log.channels[name][:, column], bars)
                 rows.add_row(about["name"] if i == 0 else "", name, c["unit"], *ends, drawn)
         console.print(rows)
-        print_lines(console, (note for note in log.notes if note not in unsure), style="dim")
+        print_lines(
+            console, (note for note in log.notes if not any(note in doubt for doubt in unsure)), style="dim"
+        )
     for i, finding in enumerate(findings):
         style = {"spoils": "red", "warn": "yellow"}.get(finding.severity, "dim")
         word = "accepted" if finding.name in accepted else finding.severity

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
 from backdrive.logs.readers import units
+from backdrive.logs.readers._missing import of_all
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -109,20 +110,33 @@ class _Hit:
     unit: str
 
 
-def guess(widths: Mapping[str, int], stated: Mapping[str, str], settled: Container[str] = ()) -> Guess:
+def guess(
+    widths: Mapping[str, int],
+    stated: Mapping[str, str],
+    settled: Container[str] = (),
+    names: Iterable[str] = (),
+    called: Iterable[str] = (),
+) -> Guess:
     """Guess channels from names.
 
     Args:
         widths: number of joints a column can hold, by column name; only columns of plausible length.
         stated: units that the file states, by column name.
         settled: channels that need no guess.
+        names: joints that are kept where some joint lacks a channel.
+        called: names that the file gives numbered joints.
     """
-    return _guess(tuple(widths.items()), tuple(stated.items()), frozenset(c for c in ALIASES if c in settled))
+    held = frozenset(c for c in ALIASES if c in settled)
+    return _guess(tuple(widths.items()), tuple(stated.items()), held, tuple(names), tuple(called))
 
 
 @lru_cache(maxsize=16)
 def _guess(
-    each: tuple[tuple[str, int], ...], units_of: tuple[tuple[str, str], ...], settled: frozenset[str]
+    each: tuple[tuple[str, int], ...],
+    units_of: tuple[tuple[str, str], ...],
+    settled: frozenset[str],
+    wanted: tuple[str, ...],
+    called: tuple[str, ...],
 ) -> Guess:
     """Return the result of `guess`, which is kept for the next log, since the logs of a robot have the same columns."""
     widths, stated = dict(each), dict(units_of)
@@ -139,7 +153,7 @@ def _guess(
         hits = scopes.get(scope, [])
         if scope and not any(h.channel == "time" for h in hits):
             hits = [*hits, *(shared_time or _times(scopes, scope))]
-        joints, columns = _gather(hits, widths, notes)
+        joints, columns = _gather(hits, widths, notes, wanted, called)
         moves = columns.get("position", columns.get("velocity", ()))
         if scope and not joints and hits[-1] in shared_time and len(moves) == 1 and widths[moves[0]] == 1:
             joints = (scope.rpartition("/")[2],)  # elbow.q, elbow.tau beside a time of all
@@ -161,7 +175,7 @@ def _guess(
             places = ", ".join(f"'{prefix}'" for prefix in list(moving)[:10])
             time = {"time": (min(shared_time, key=lambda h: h.rank).column,)} if shared_time else {}
             return Guess(columns=time, doubt=f"several places hold positions or velocities: {places}")
-        joints, columns = _join(moving, notes)
+        joints, columns = _join(moving, notes, wanted)
         times = shared_time or _times(scopes, next(iter(moving)))
         columns.update({"time": (min(times, key=lambda h: h.rank).column,)} if times else {})
     found = {h.column: h.unit for hits in scopes.values() for h in hits if h.unit}
@@ -270,7 +284,11 @@ def _times(scopes: Mapping[str, list[_Hit]], scope: str) -> list[_Hit]:
 
 
 def _gather(
-    hits: list[_Hit], widths: Mapping[str, int], notes: list[str]
+    hits: list[_Hit],
+    widths: Mapping[str, int],
+    notes: list[str],
+    wanted: Sequence[str],
+    called: Sequence[str],
 ) -> tuple[tuple[str, ...], dict[str, Any]]:
     """Choose one name per channel; numbered columns are put in the order of their numbers."""
     columns: dict[str, tuple[str, ...]] = {}
@@ -294,28 +312,31 @@ def _gather(
         if others:
             notes.append(f"Also called {channel}, and not used: {', '.join(others[:8])}.")
     main = "position" if "position" in columns else "velocity"
-    for channel, found in list(numbers.items()):
-        if main in numbers and found != numbers[main]:
-            notes.append(
-                f"Columns of {channel} are numbered {found}, those of {main} {numbers[main]}: left out."
-            )
-            del columns[channel]
-    return tuple(f"joint_{number}" for number in numbers.get(main, ())), columns
+    of_main = numbers.get(main, ())
+    named = called if len(called) == len(of_main) else [f"joint_{number}" for number in of_main]
+    label = dict(zip(of_main, named, strict=True))
+    by_joint: dict[str, dict[str, str]] = {}
+    for channel, found in numbers.items():
+        if not label:
+            break
+        if set(found) <= set(label):
+            by_joint[channel] = {label[n]: c for n, c in zip(found, columns[channel], strict=True)}
+        else:
+            notes.append(f"Columns of {channel} are numbered {found}, those of {main} {of_main}: left out.")
+    joints, full = of_all(by_joint, tuple(label.values()), notes, wanted)
+    return joints, {
+        c: full.get(c, found) for c, found in columns.items() if c in full or c not in numbers or not label
+    }
 
 
 def _join(
-    moving: Mapping[str, list[_Hit]], notes: list[str]
+    moving: Mapping[str, list[_Hit]], notes: list[str], wanted: Sequence[str]
 ) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]]]:
     """Put the columns of joints that have a place each side by side, in the file's order."""
-    columns: dict[str, tuple[str, ...]] = {}
+    by_joint: dict[str, dict[str, str]] = {}
     for channel in ALIASES:
-        best = {
-            p: min((h for h in hits if h.channel == channel), key=lambda h: h.rank, default=None)
-            for p, hits in moving.items()
-        }
-        found = {p: h.column for p, h in best.items() if h is not None}
-        if len(found) == len(moving):
-            columns[channel] = tuple(found.values())
-        elif found:
-            notes.append(f"Only some joints have a {channel} ({', '.join(found)}): left out.")
-    return tuple(prefix.rpartition("/")[2] for prefix in moving), columns
+        for place, hits in moving.items():
+            best = min((h for h in hits if h.channel == channel), key=lambda h: h.rank, default=None)
+            if best is not None:
+                by_joint.setdefault(channel, {})[place.rpartition("/")[2]] = best.column
+    return of_all(by_joint, tuple(place.rpartition("/")[2] for place in moving), notes, wanted)

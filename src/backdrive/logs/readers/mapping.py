@@ -12,6 +12,7 @@ from backdrive.errors import InvalidInput, MappingError
 from backdrive.logs.log import CHANNELS, WRENCH, Joint, Log, Source, channel_unit
 from backdrive.logs.readers import _expression, _names
 from backdrive.logs.readers._channels import INDEX, Values, columns_of, describe
+from backdrive.logs.readers._missing import NONE
 from backdrive.logs.readers._shapes import extent
 from backdrive.logs.readers._sides import divide_by_gear, motor_channels
 from backdrive.logs.readers.columns import Columns
@@ -69,7 +70,7 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
     on_motor = motor_channels(motor_side, gear)
     side = _side(coupling_side, coupling)
     asked = _expression.parse(map, columns.arrays) if map is not None else {}
-    found = automatic(columns, asked)
+    found = automatic(columns, asked, names)
     if owned:
         for array in columns.arrays.values():
             array.setflags(write=False)
@@ -87,9 +88,12 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
             f"No position or velocity was found: {doubt}.",
             remedy=f"Name the columns with --map, for example t=..., q=... or dq=..., tau=... . Columns: {describe(columns)}.",
         )
-    notes = [*found.notes, *values.notes, *_without_zeros(values.arrays, asked)]
-    own = _align_patterns(values) or columns.joints or found.joints
+    settled = tuple(f"{NONE}{channel}:" for channel in asked)
+    notes = [note for note in found.notes if not note.startswith(settled)]
+    notes += [*values.notes, *_without_zeros(values.arrays, asked)]
+    own = _align_patterns(values)
     width = _width(values.arrays)
+    own = own or (columns.joints if len(columns.joints) == width else found.joints)
     kind = _kinds(units, width)
     if kind is None:
         kind = ["m" if values.kind in ("length", "speed") else "rad"] * width
@@ -109,10 +113,7 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
     )
     notes += _without_unit(values, joints, columns)
     if "torque" not in values.arrays:
-        notes.append(
-            "No column was taken as torque: name one with --map tau=COLUMN, times a factor where it is a current or a duty. "
-            f"Columns: {describe(columns)}."
-        )
+        notes = _without_torque(notes, width, columns)
     whole = order == list(range(width))
     channels: dict[str, Any] = {
         c: v if whole else v[:, order] for c, v in values.arrays.items() if c != "time"
@@ -184,8 +185,13 @@ def _align_patterns(values: Values) -> tuple[str, ...]:
     return wanted if all(wanted) else ()
 
 
-def automatic(columns: Columns, asked: Mapping[str, Any]) -> _names.Guess:
-    """Return what the format, or else the names, say about the columns that fit the time."""
+def automatic(
+    columns: Columns, asked: Mapping[str, Any], names: str | Sequence[str] | None = None
+) -> _names.Guess:
+    """Return what the format, or else the names, say about the columns that fit the time.
+
+    Names of joints leave out those that lack a channel, unless a `--map` says what the joints are.
+    """
     if columns.channels:
         return _names.Guess(
             columns={
@@ -193,13 +199,15 @@ def automatic(columns: Columns, asked: Mapping[str, Any]) -> _names.Guess:
             },
             joints=columns.joints,
         )
+    wanted = () if names is None or set(asked) - {"time"} else _words(names)
     shapes = {name: value.shape for name, value in columns.arrays.items() if value.size > 1}
     found = _names.guess(
         {name: min(shape) if len(shape) == 2 else 1 for name, shape in shapes.items()}, columns.units, asked
     )
     n = length(columns, asked, found)
     fitting = {name: extent(shape, n) for name, shape in shapes.items()}
-    return _names.guess({name: width for name, width in fitting.items() if width}, columns.units, asked)
+    fitting = {name: width for name, width in fitting.items() if width}
+    return _names.guess(fitting, columns.units, asked, wanted, columns.joints)
 
 
 def length(columns: Columns, asked: Mapping[str, Any], found: _names.Guess) -> int:
@@ -291,16 +299,20 @@ def _without_unit(values: Values, joints: tuple[Joint, ...], columns: Columns) -
     return [f"No unit is stated, so SI is taken: {told}.{current}"]
 
 
+def _without_torque(notes: list[str], width: int, columns: Columns) -> list[str]:
+    """Return notes with one on how to name a torque, and the columns that there are."""
+    said = next((note for note in notes if note.startswith(f"{NONE}torque")), "")
+    option = "one with --map tau=COLUMN" if width == 1 else f"{width} with --map tau=COLUMN,COLUMN..."
+    told = said or f"{NONE}torque: name {option}, times a factor where it is a current or a duty."
+    return [*(note for note in notes if note != said), f"{told} Columns: {describe(columns)}."]
+
+
 def _labels(names: str | Sequence[str] | None, own: Sequence[str], width: int) -> tuple[list[str], list[int]]:
     """Return joint names and the columns they stand for."""
     own = list(own) if len(own) == width else []
     if names is None:
         return own or [f"joint_{i + 1}" for i in range(width)], list(range(width))
-    wanted = (
-        [name.strip() for name in names.split(",")]
-        if isinstance(names, str)
-        else [str(name) for name in names]
-    )
+    wanted = _words(names)
     if own and set(wanted) <= set(own):
         return wanted, [own.index(name) for name in wanted]
     if len(wanted) != width:
@@ -310,6 +322,10 @@ def _labels(names: str | Sequence[str] | None, own: Sequence[str], width: int) -
             remedy=f"Give one name a joint.{known}",
         )
     return wanted, list(range(width))
+
+
+def _words(names: str | Sequence[str]) -> list[str]:
+    return [str(name).strip() for name in (names.split(",") if isinstance(names, str) else names)]
 
 
 def _each(value: float | Sequence[float] | None, width: int, what: str) -> list[float] | None:
