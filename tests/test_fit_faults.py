@@ -311,6 +311,10 @@ def test_a_slow_clock_is_said():
     log = recorded()
     result = identify(log.replace(time=50.0 * log.time), law="m1", accept=["degrees"])
     assert any("samples a second" in w for w in result.warnings)
+    slower = identify(log.replace(time=1e3 * log.time), method="motion", accept=["degrees"])
+    told = [*slower.warnings, *slower.model.joints[0].warnings]
+    assert sum("0.001*COLUMN for milliseconds" in w for w in told) == 1
+    assert sum("samples a second" in w for w in told) == 1
 
 
 LAW = Law(

@@ -161,6 +161,8 @@ def test_a_clock_below_fifty_hertz_is_said():
     assert slow_clock([log_of("a", rate=50.5), log_of("a", rate=1000.0)]) == []
     (said,) = slow_clock([log_of("a", rate=1000.0), log_of("a", rate=40.0)])
     assert said.startswith("A log has 40 samples a second: below 50 Hz")
+    (said,) = slow_clock([log_of("a", rate=0.5)])
+    assert "0.5 samples a second" in said and "t=0.001*COLUMN for milliseconds" in said
     assert slow_clock([log_of("a", n=1), log_of("a", n=0)]) == []
     assert slow_clock([log_of("a").replace(time=np.zeros(200))]) == []
 

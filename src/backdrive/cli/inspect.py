@@ -111,11 +111,11 @@ def _with_remedy(finding: Finding, repairs: list[str]) -> Finding:
 
 def doubts(log: Log) -> list[str]:
     """Return sentences on why a log without faults may still be useless."""
-    from backdrive.identification.plausibility_residual import slow_clock
+    from backdrive.identification.log_set import clock_unit
     from backdrive.logs.log import AS_SI
 
     found = [note for note in log.notes if AS_SI in note]
-    if log.period > 0.0 and (unit := slow_clock(1.0 / log.period)) and _is_smooth(log):
+    if log.period > 0.0 and (unit := clock_unit(1.0 / log.period)) and _is_smooth(log):
         found.append(unit)
     if log.torque is None and log.drive_input is None:
         said = [note for note in log.notes if note.startswith("No column was taken as torque")]

@@ -12,6 +12,7 @@ from backdrive.identification.alignment import Start, with_plan
 from backdrive.logs.log import Log
 
 SLOW = 50.0  # sampling rate below which a result is suspect [Hz]
+SLOWEST = 5.0  # sampling rate below which the time is probably not in seconds [Hz]
 
 
 def moments_without_drive(logs: Sequence[Log]) -> list[str]:
@@ -129,9 +130,22 @@ def slow_clock(logs: Sequence[Log]) -> list[str]:
     if not rates or min(rates) >= SLOW:
         return []
     return [
-        f"A log has {min(rates):.3g} samples a second: below {SLOW:g} Hz only slow motion is trustworthy. If its time is in "
+        clock_unit(min(rates))
+        or f"A log has {min(rates):.3g} samples a second: below {SLOW:g} Hz only slow motion is trustworthy. If its time is in "
         "milliseconds, read it with --map t=0.001*COLUMN."
     ]
+
+
+def clock_unit(rate: float) -> str:
+    """Return a sentence on a sampling rate [Hz] that a smooth motion hardly has; empty where it may have it."""
+    if not rate < SLOWEST:
+        return ""
+    unit, factor = ("milliseconds", "0.001") if rate > 1e-3 * SLOWEST else ("microseconds", "1e-6")
+    unit, factor = (unit, factor) if rate > 1e-6 * SLOWEST else ("nanoseconds", "1e-9")
+    return (
+        f"The log has {rate:.3g} samples a second, and still the motion is smooth: its time is probably in another unit than "
+        f"seconds (--map t={factor}*COLUMN for {unit})."
+    )
 
 
 def external_torque_notes(logs: Sequence[Log], method: str, driven: bool = False) -> list[str]:

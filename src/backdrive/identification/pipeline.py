@@ -241,7 +241,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
         evidence=tuple(evidence),
         method=method,
         reason=reason,
-        warnings=tuple(dict.fromkeys(warnings)),
+        warnings=tuple(w for w in dict.fromkeys(warnings) if not any(w in j.warnings for j in model.joints)),
         notes=tuple(note for note in dict.fromkeys(notes) if note not in warnings),
         **more,
     )

@@ -10,6 +10,7 @@ import numpy as np
 from backdrive.identification import lateness
 from backdrive.identification.delay import LATE
 from backdrive.identification.design import LARGEST_SLIP
+from backdrive.identification.log_set import clock_unit
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import MEAN, Explanation, Residual
@@ -32,25 +33,12 @@ MOST_LOGS = 6  # largest number of stretches whose loads are compared
 WILD = 3e-3  # largest share of outliers without a remark [-]
 COARSE = 0.25  # largest step of the measured torque without a remark, relative to the friction [-]
 FEW_STEPS = 0.3  # largest encoder step without a remark, relative to the travel in `MEAN` at top speed [-]
-SLOWEST = 5.0  # sampling rate below which the time is probably not in seconds [Hz]
 
 
 def clock(case: Case) -> Remark | None:
     """Remark on a time that is probably not in seconds."""
-    sentence = "" if case.residual is None else slow_clock(1.0 / case.residual.period)
+    sentence = "" if case.residual is None else clock_unit(1.0 / case.residual.period)
     return Remark(severity="care", sentence=sentence) if sentence else None
-
-
-def slow_clock(rate: float) -> str:
-    """Return a sentence on a sampling rate [Hz] that a smooth motion hardly has; empty where it may have it."""
-    if not rate < SLOWEST:
-        return ""
-    unit, factor = ("milliseconds", "0.001") if rate > 1e-3 * SLOWEST else ("microseconds", "1e-6")
-    unit, factor = (unit, factor) if rate > 1e-6 * SLOWEST else ("nanoseconds", "1e-9")
-    return (
-        f"The log has {rate:.3g} samples a second, and still the motion is smooth: its time is probably in another unit than "
-        f"seconds (--map t={factor}*COLUMN for {unit})."
-    )
 
 
 def delay(case: Case) -> Remark | None:
