@@ -68,3 +68,21 @@ def test_small_plots_follow_the_values():
     assert small_plot(np.full(5, np.nan), PLAIN, 8).strip() == ""
     assert len(set(small_plot(np.ones(100), PLAIN, 8))) == 1
     assert small_plot(np.array([]), PLAIN, 8) == " "
+
+
+@pytest.mark.parametrize("kind", ["swapped", "shuffled", "two runs"])
+def test_rate_and_duration_are_those_of_stamps_in_order(folder, tmp_path, kind):
+    log = np.load(folder / "good.npz")
+    n = log["t"].size
+    rows = np.arange(n)
+    if kind == "swapped":
+        rows = np.arange(n).reshape(-1, 2)[:, ::-1].ravel()
+    elif kind == "shuffled":
+        rows = np.random.default_rng(3).permutation(n)
+    time = log["t"] % (log["t"][-1] / 2) if kind == "two runs" else log["t"][rows]
+    np.savez(tmp_path / "log.npz", t=time, q=log["q"][rows], tau=log["tau"][rows])
+    (about,) = json.loads(inspect(tmp_path / "log.npz", "--json").stdout)["logs"]
+    assert any(f["name"] == "unsorted-time" for f in about["findings"])
+    assert about["rate"] == pytest.approx(500.0, rel=1e-6)
+    assert about["duration"] == pytest.approx(20.0, abs=0.03)
+    assert about["longest_interval"] < 0.03 and about["jitter"] < 0.1

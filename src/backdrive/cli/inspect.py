@@ -112,10 +112,12 @@ def _with_remedy(finding: Finding, repairs: list[str]) -> Finding:
 def doubts(log: Log) -> list[str]:
     """Return sentences on why a log without faults may still be useless."""
     from backdrive.identification.log_set import clock_unit
+    from backdrive.logs.health.unsorted_time import in_order
     from backdrive.logs.log import AS_SI
 
     found = [note for note in log.notes if AS_SI in note]
-    if log.period > 0.0 and (unit := clock_unit(1.0 / log.period)) and _is_smooth(log):
+    clock = in_order(log)
+    if clock.period > 0.0 and (unit := clock_unit(1.0 / clock.period)) and _is_smooth(clock):
         found.append(unit)
     if log.torque is None and log.drive_input is None:
         said = [note for note in log.notes if note.startswith("No column was taken as torque")]
@@ -146,12 +148,12 @@ def summary(log: Log) -> dict[str, Any]:
 
     from backdrive.logs.health._exam import Exam
     from backdrive.logs.health.jitter import variation
+    from backdrive.logs.health.unsorted_time import in_order
     from backdrive.logs.log import channel_unit
 
-    steps = np.diff(log.time)
-    period = log.period
-    in_order = log if not steps.size or steps.min() >= 0.0 else log.rows(np.argsort(log.time, kind="stable"))
-    jitter = variation(Exam(in_order))[0]  # as its check sees it
+    clock = in_order(log)
+    steps, period = np.diff(clock.time), clock.period
+    jitter = variation(Exam(clock))[0]  # as its check sees it
     channels: dict[str, Any] = {}
     for name, values in log.channels.items():
         for column, joint in enumerate(log.joints):
@@ -167,7 +169,7 @@ def summary(log: Log) -> dict[str, Any]:
     return {
         "sources": [{"path": s.path, "sha256": s.sha256} for s in log.sources],
         "samples": len(log),
-        "duration": log.duration,
+        "duration": clock.duration,
         "rate": 1.0 / period if period > 0 else None,
         "jitter": jitter if np.isfinite(jitter) else None,
         "longest_interval": float(steps.max()) if steps.size else None,
@@ -212,6 +214,8 @@ def _print(
 ) -> None:
     from rich.text import Text
 
+    from backdrive.logs.health.unsorted_time import in_order
+
     unsure = doubts(log)
     if brief and not findings and not unsure:
         return
@@ -229,13 +233,14 @@ def _print(
             else ""
         )
         console.print(f"{held['samples']} samples, {held['duration']:.6g} s, {rate}{jitter}{longest}")
+        ordered = in_order(log)
         bars = BARS if "utf" in (console.encoding or "").lower() else PLAIN
         words = ("joint", "channel", "unit", "over time")
         rows = table(*words[:3], "lowest", "highest", words[3], text=words, no_wrap=True)
         for column, about in enumerate(held["joints"]):
             for i, (name, c) in enumerate(about["channels"].items()):
                 ends = [f"{x:.5g}" if x is not None else "-" for x in (c["lowest"], c["highest"])]
-                drawn = small_plot(log.channels[name][:, column], bars)
+                drawn = small_plot(ordered.channels[name][:, column], bars)
                 rows.add_row(about["name"] if i == 0 else "", name, c["unit"], *ends, drawn)
         console.print(rows)
         print_lines(

@@ -8,6 +8,7 @@ import numpy as np
 
 from backdrive.logs.health._exam import GAP, Exam
 from backdrive.logs.health._finding import Finding, Repair, check, count_of, keep_rows
+from backdrive.logs.log import Log
 
 #: A clock that goes back more often than this is unordered, not a series of joined runs.
 _MOST_RUNS = 200
@@ -42,6 +43,13 @@ def find(exam: Exam) -> Iterator[Finding]:
         where=restarts if restarts.size else late,
         repairable=exam.period > 0,
     )
+
+
+def in_order(log: Log) -> Log:
+    """Return a log with its samples in the order that the repair gives them, without those that have no stamp."""
+    exam = Exam(log if np.isfinite(log.time).all() else log.rows(np.flatnonzero(np.isfinite(log.time))))
+    findings = find(exam)
+    return repair(exam, findings).log if findings else exam.log
 
 
 @find.mend_with
