@@ -289,6 +289,7 @@ def test_a_velocity_off_by_2_percent_is_remarked_on_and_spoils_from_15_on(scale,
     findings = [f for f in check(log) if f.severity != "note"]
     assert [f.severity for f in findings] == severities
     assert all(f.name == "velocity-mismatch" and f.repairable == (f.severity == "spoils") for f in findings)
+    assert all(f.quantity == "scale" and f.value == pytest.approx(scale, rel=1e-3) for f in findings)
 
 
 @pytest.mark.parametrize(("factor", "unit"), [(180.0 / np.pi, "rad"), (1000.0, "m")])
@@ -754,7 +755,7 @@ def test_a_velocity_that_lags_is_as_a_filter_up_to_25_ms(late, severity):
     found = named(log_of(8000, position=move(t), velocity=v), "velocity-mismatch")
     assert [f.severity for f in found] == ([] if severity is None else [severity])
     if found:
-        assert found[0].value == pytest.approx(late, rel=0.05)
+        assert found[0].value == pytest.approx(late, rel=0.05) and found[0].quantity == "delay"
         way = "lags" if late > 0 else "leads"
         by = 1e3 * abs(found[0].value)
         assert f"{way} its position by {by:.3g} ms ({by:.1f} samples)" in found[0].sentence

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -56,19 +57,19 @@ def command(
 
             read = [with_plan(log, log.plan, begin) for log in read]
         say("Checking")
-        undone: list[list[str]] = [[] for _ in read]
+        undone: list[dict[str, str]] = [{} for _ in read]
         if repair:
             read, undone = (
                 list(each)
                 for each in zip(*(apply_repairs(log, list(accepted)) for log in read), strict=False)
             )
         findings = [check(log) for log in read]
-        repairs = [
-            previews(log, list(accepted)) if not repair and any(f.repairable for f in found) else left
-            for log, found, left in zip(read, findings, undone, strict=False)
-        ]
+        repairs = [list(left.values()) for left in undone]
+        for i, (log, found) in enumerate(zip(read, findings, strict=True)):
+            if not repair and any(f.repairable for f in found):
+                repairs[i], undone[i] = preview(log, list(accepted))
         findings = [
-            [_with_remedy(f, lines) for f in found] for found, lines in zip(findings, repairs, strict=False)
+            [_with_remedy(f, left) for f in found] for found, left in zip(findings, undone, strict=True)
         ]
     spoiled = [f for found in findings for f in found if f.severity == "spoils" and f.name not in accepted]
     useless = [log for log in read if log.torque is None and log.drive_input is None]
@@ -95,18 +96,17 @@ def command(
         raise typer.Exit(1)
 
 
-def previews(log: Log, accepted: list[str]) -> list[str]:
-    """Return sentences on what --repair would do to a log, and which repairs it would undo again."""
+def preview(log: Log, accepted: list[str]) -> tuple[list[str], dict[str, str]]:
+    """Return sentences on what --repair would do to a log, and those on the repairs it would undo, by their checks."""
     from backdrive.identification.repairs import apply_repairs
 
     after, undone = apply_repairs(log, accepted)
-    return [*(note for note in after.notes if note not in log.notes), *undone]
+    return [*(note for note in after.notes if note not in log.notes), *undone.values()], undone
 
 
-def _with_remedy(finding: Finding, repairs: list[str]) -> Finding:
+def _with_remedy(finding: Finding, undone: Collection[str]) -> Finding:
     """Return a finding whose remedy is no repair that is undone again."""
-    undone = any(f"[{finding.name}] " in line and "The repair was undone" in line for line in repairs)
-    return replace(finding, remedy=LEFT_ALONE) if undone and finding.repairable else finding
+    return replace(finding, remedy=LEFT_ALONE) if finding.repairable and finding.name in undone else finding
 
 
 def doubts(log: Log) -> list[str]:

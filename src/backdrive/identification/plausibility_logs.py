@@ -78,7 +78,7 @@ def velocity_scale(case: Case) -> Remark | None:
         counts = np.isfinite(moved) & np.isfinite(np.diff(q))
         ratio = float(np.diff(q)[counts] @ moved[counts]) / max(float(moved[counts] @ moved[counts]), 1e-300)
         found = _findings(log, name, "velocity-mismatch") if abs(ratio - 1.0) > 0.5 * APART else []
-        scales = [f.value for f in found if f.severity == "warn" and "factor" in f.sentence]
+        scales = [f.value for f in found if f.severity == "warn" and f.quantity == "scale"]
         if scales and abs(scales[0] - 1.0) > APART:
             return Remark(
                 severity="care",

@@ -47,10 +47,10 @@ def healthy(log: Log, accept: Sequence[str], repair: bool, warnings: list[str]) 
     return _without_acceptance(mended, undone)
 
 
-def apply_repairs(log: Log, accept: Sequence[str] = ()) -> tuple[Log, list[str]]:
-    """Return a log with the repairs that help, even if it would still be refused, and a sentence for each repair undone."""
+def apply_repairs(log: Log, accept: Sequence[str] = ()) -> tuple[Log, dict[str, str]]:
+    """Return a log with the repairs that help, even if it would still be refused, and `useless`: the repairs undone."""
     undone = useless(log, accept)
-    return health.mend(log, [*accept, *undone]), list(undone.values())
+    return health.mend(log, [*accept, *undone]), undone
 
 
 def useless(log: Log, accept: Sequence[str] = ()) -> dict[str, str]:

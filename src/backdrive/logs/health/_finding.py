@@ -29,6 +29,7 @@ class Finding:
         sentence: what was found, with its numbers.
         remedy: what to do about it.
         value: the size of the fault, in the unit that the sentence names [any].
+        quantity: what the value is, where a check finds several things, such as `scale` or `delay`; empty otherwise.
         where: rows of the log that was checked, ascending, (m,); None when all rows are meant.
         repairable: a safe repair exists, which `gate(..., repair=True)` makes.
         log: number of the log among those that were checked together, from 0.
@@ -39,6 +40,7 @@ class Finding:
     sentence: str
     remedy: str
     value: float
+    quantity: str = ""
     joint: str | None = None
     channel: str | None = None
     where: np.ndarray | None = None

@@ -32,7 +32,7 @@ def find(exam: Exam) -> Iterator[Finding]:
         said = _say(fit, exam.period, f"velocity of {joint}")
         if said is None:
             continue
-        severity, value, sentence = said
+        severity, quantity, value, sentence = said
         mend = "Leave velocity out, so that it is derived from position (--repair does), or correct it with --map."
         mend = BY_HAND if _clock(fit) else mend
         keep = "No action is needed. To avoid the delay, leave velocity out, so that it is derived from position."
@@ -43,30 +43,34 @@ def find(exam: Exam) -> Iterator[Finding]:
             sentence=sentence,
             remedy=keep if severity == "note" else mend,
             value=value,
+            quantity=quantity,
             repairable=severity != "note" and not _clock(fit),
         )
 
 
-def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, str] | None:
-    """Return severity, value and sentence of the gravest fault; None if there is none."""
+def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, str, float, str] | None:
+    """Return severity, quantity, value and sentence of the gravest fault; None if there is none."""
     if fit.residual > NONSENSE:
         share = f"{100 * fit.residual:.0f} % of the motion is unexplained"
-        return "spoils", fit.residual, f"{what} is not the derivative of its position: {share}."
+        return "spoils", "residual", fit.residual, f"{what} is not the derivative of its position: {share}."
     if fit.scale < 0:
         return (
             "spoils",
+            "scale",
             fit.scale,
             f"{what} has the opposite sign of its position's change (ratio {fit.scale:.3g}).",
         )
     if abs(fit.scale - 1) > SCALE:
         return (
             "spoils",
+            "scale",
             fit.scale,
             f"{what} is off by a factor: its position changes {fit.scale:.3g} times as fast.",
         )
     if _clock(fit):
         return (
             "warn",
+            "scale",
             fit.scale,
             f"{what} and the change of its position differ by a factor of {fit.scale:.3g} ± {fit.error:.1g}: the clock, or the "
             "scale of one of them, is wrong.",
@@ -74,9 +78,9 @@ def _say(fit: VelocityFit, period: float, what: str) -> tuple[Severity, float, s
     way = "lags" if fit.delay > 0 else "leads"
     by = f"{1e3 * abs(fit.delay):.3g} ms ({abs(fit.delay) / period:.1f} samples)"
     if abs(fit.delay) > max(DELAY_SAMPLES * period, DELAY) and fit.plain > _HELPS * fit.residual:
-        return "warn", fit.delay, f"{what} {way} its position by {by}."
+        return "warn", "delay", fit.delay, f"{what} {way} its position by {by}."
     if abs(fit.delay) > max(1.5 * period, 3e-3):
-        return "note", fit.delay, f"{what} {way} its position by {by}, as a filter does."
+        return "note", "delay", fit.delay, f"{what} {way} its position by {by}, as a filter does."
     return None
 
 
