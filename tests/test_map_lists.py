@@ -27,6 +27,33 @@ def test_lists_factors_offsets_and_division():
     assert np.allclose(log_of("q=turn/4096*(a,b)", **RAW).position, Q[:, :2] * 2 * np.pi / 4096)
 
 
+@pytest.mark.parametrize(
+    ("text", "factors", "offsets"),
+    [
+        ("(a,b,c)+(0.1,-0.2,0.3)", 1.0, (0.1, -0.2, 0.3)),
+        ("(0.1,-0.2,0.3)+(a,b,c)", 1.0, (0.1, -0.2, 0.3)),
+        ("(1,-2,4)*(a,b,c)-(10,20,-30)*deg", (1.0, -2.0, 4.0), np.deg2rad((-10.0, -20.0, 30.0))),
+        ("deg*(a,b,c)-deg*(10,20,-30)/2", np.pi / 180, np.deg2rad((-5.0, -10.0, 15.0))),
+        ("2*(a,b,c)+(1,2,3)-0.5", 2.0, (0.5, 1.5, 2.5)),
+        ("(a,b)+(1,2),c-(3)", 1.0, (1.0, 2.0, -3.0)),
+    ],
+)
+def test_offsets_one_a_joint(text, factors, offsets):
+    assert np.allclose(log_of(f"q={text}", **RAW).position, Q * factors + offsets)
+
+
+def test_offsets_of_ranges_patterns_and_wide_columns():
+    arrays = {f"x{i}_ang": RAW["a"] * i for i in (1, 2)}
+    wanted = np.column_stack([RAW["a"] + 0.1, 2 * RAW["a"] + 0.2])
+    for text in ("x1_ang..x2_ang+(0.1,0.2)", "*_ang+(0.1,0.2)", '"x*_ang"+(0.1,0.2)'):
+        assert np.allclose(log_of(f"q={text}", **arrays).position, wanted), text
+    wide = log_of("q=w+(0.1,0.2)", w=np.column_stack(list(arrays.values())))
+    assert np.allclose(wide.position, wanted)
+    assert any("'w' + (0.1,0.2)" in note for note in wide.notes)
+    with pytest.raises(MappingError, match=r"offset 0\.1 states no unit"):
+        log_of("q=d+(0.1,0)", {"d [deg]": "deg"}, **{"d [deg]": Q[:, :2]})
+
+
 def test_a_column_with_a_slash_is_no_division():
     assert np.array_equal(log_of("q=m/2", **{"m/2": RAW["a"], "m": RAW["b"]}).position[:, 0], RAW["a"])
     assert np.array_equal(log_of("q=m/2", m=RAW["b"]).position[:, 0], RAW["b"] / 2)
@@ -59,7 +86,10 @@ def test_patterns_name_the_joints_and_bring_channels_to_one_order():
         ("q=(1,2)*(a,b,c)", "2 factors for 3 columns"),
         ("q=(1,2)*a", "2 factors for 1 columns"),
         ("q=(1,2)*(3,4)*(a,b)", "more than one list of factors"),
-        ("q=(1,2)", "a list of factors needs columns"),
+        ("q=(1,2)", "a list of factors or offsets needs columns"),
+        ("q=(1,2)+(3,4)", "a list of factors or offsets needs columns"),
+        ("q=(a,b,c)+(1,2)", "2 offsets for 3 columns"),
+        ("q=a,b,c+(1,2,3)", "3 offsets for 1 columns"),
         ("q=(a,)", "a column is missing"),
         ("q=(a,(b,c))", "a column is missing"),
         ("q=(a,-b)", "a sign stands before the list"),

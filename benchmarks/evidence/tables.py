@@ -4,7 +4,8 @@ One log of three joints by an independent generator is written in every shape in
 each by one command, and its model must predict the friction that the plain table does. The command's syntax, beyond today's:
 
     channel = columns [, columns ...]     joints one after another; a comma before `name=` begins the next channel
-    columns = sum of terms                q=deg*base,-deg*arm+0.3,hand/2     a number alone is an offset
+    columns = sum of terms                q=deg*base,-deg*arm+0.3,hand/2     a number alone is an offset,
+              (0.1,-0.2,0.3) are offsets one a joint
     term    = [factor * | / ...] column   tau=2.5*I1..I3   t=tick/1000       * and / bind alike, from the left
     column  = name | "any name" | name1..name9 (a range) | *_position (a glob, in the file's order; what the star matches
               names the joint) | (a,b,c) (a list)

@@ -32,7 +32,8 @@ Map = Annotated[
     typer.Option(
         "--map",
         help='Which columns are which channel: "t=t,q=q1..q6,tau=35.15*vir". Channels: t q dq tau qr u q2 tau_ext tau_model '
-        "load temp wrench. Columns: lists, ranges, patterns (*_pos). Factors: numbers, deg, rpm, turn, one a joint: (2,-1)*(a,b).",
+        "load temp wrench. Columns: lists, ranges, patterns (*_pos). Factors: numbers, deg, rpm, turn; they and offsets also one "
+        "a joint: (2,-1)*(a,b)+(0.1,0).",
     ),
 ]
 Joints = Annotated[list[str] | None, typer.Option("--joint", help="Only this joint; may be repeated.")]

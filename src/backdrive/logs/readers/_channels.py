@@ -14,7 +14,7 @@ from backdrive.logs.readers._expression import CHANNEL_OF, Column, Sum, Term
 from backdrive.logs.readers._names import KINDS
 from backdrive.logs.readers._shapes import orient
 from backdrive.logs.readers._tokens import CONSTANTS
-from backdrive.logs.readers.columns import Columns
+from backdrive.logs.readers.columns import Columns, describe
 
 #: Stands for the sample number in a `--map`.
 INDEX = "index"
@@ -92,11 +92,13 @@ class Values:
             terms, key=constants.__contains__
         ):  # constants last: columns say how many joints there are
             value = self._term(channel, term)
-            if (
-                total is not None
-                and value.shape[1] != total.shape[1]
-                and 1 not in (value.shape[1], total.shape[1])
-            ):
+            widths = {value.shape[1], 1 if total is None else total.shape[1]}
+            if total is not None and not term.columns and term.each and widths != {total.shape[1]}:
+                raise MappingError(
+                    f"--map {_SHORT[channel]}: {len(term.each)} offsets for {total.shape[1]} columns.",
+                    remedy="Give one offset a column, or one for all: (a,b)+(0.1,0.2), where a comma outside begins another sum.",
+                )
+            if total is not None and len(widths) > 1 and 1 not in widths:
                 raise MappingError(
                     f"--map {_SHORT[channel]}: '{term.columns[0].name}' has {value.shape[1]} columns, the terms before it "
                     f"{total.shape[1]}.",
@@ -104,7 +106,13 @@ class Values:
                 )
             total = value if total is None else total + value
         assert total is not None
-        bare = [term.factor for term in constants if not term.factors and term.factor != 0.0]
+        bare = [
+            x * term.factor
+            for term in constants
+            if not term.factors
+            for x in term.each or (1.0,)
+            if x * term.factor
+        ]
         if bare and self._converted:
             raise MappingError(
                 f"--map {_SHORT[channel]}: '{self._converted}' is stated in {self.stated[self._converted]} and brought to SI, and "
@@ -189,7 +197,7 @@ class Values:
                 remedy=f"Give factors between {-LARGEST:g} and {LARGEST:g}.",
             )
         if not term.columns:
-            return np.full((1, 1), factor)
+            return each[None]
         parts = [self._column(channel, term, column, word) for column in term.columns]
         if word:
             self._settle(channel, "angle")
@@ -307,17 +315,6 @@ class Values:
         return value
 
 
-def describe(columns: Columns) -> str:
-    """Return the columns and their shapes in words, the longest first, at most sixty."""
-    longest = sorted(columns.arrays.items(), key=lambda item: -max(item[1].shape))
-    told = [
-        f"{name[:80]} {'x'.join(map(str, value.shape))}"
-        + (f" [{columns.units[name]}]" if name in columns.units else "")
-        for name, value in longest
-    ]
-    return ", ".join(told[:60]) + (f" and {len(told) - 60} more" if len(told) > 60 else "")
-
-
 def _in_si(value: np.ndarray, unit: units.Unit) -> np.ndarray:
     """Return numbers in SI; one that overflows stays as it stands, and is refused as too large."""
     with np.errstate(over="ignore"):
@@ -339,7 +336,7 @@ def _labels(terms: Sum) -> list[str]:
 
 
 def _format_term(term: Term) -> str:
-    factor = "" if term.factor == 1.0 and term.columns else f"{term.factor:.10g}*"
+    factor = "" if term.factor == 1.0 and (term.columns or term.each) else f"{term.factor:.10g}*"
     factor += f"({','.join(f'{x:.10g}' for x in term.each)})*" if term.each else ""
     factor += "".join(f"1/{name}*" if divides else f"{name}*" for name, divides in term.factors)
     if not term.columns:

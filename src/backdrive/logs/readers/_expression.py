@@ -2,7 +2,7 @@
 
     map     = channel=columns, ...        a comma before `name=` begins the next channel
     columns = sum, ...                    joints one after another; `none` leaves the channel out
-    sum     = term (+|- term)*            a number alone is an offset
+    sum     = term (+|- term)*            a number alone is an offset, (0.1,-0.2,0.3) are offsets one a joint
     term    = [factor (*|/)]... column    from the left
     column  = name | "any name" | name1..name9 | *_position | (a,b,c), optionally [i] or [i:j]
     factor  = number | deg | rpm | turn | (2.5,-1.2,0.4), one a joint | a column that holds a single number
@@ -62,7 +62,7 @@ class Term:
 
     Attributes:
         numbers: that it is multiplied by, signs as -1 and divisors as their inverse [1].
-        each: factors of the columns one by one [1]; empty for none.
+        each: factors of the columns one by one [1]; without columns, offsets one by one; empty for none.
         factors: named factors, `deg`, `rpm`, `turn` or single-number columns, each with whether it divides.
         columns: none for a constant.
     """
@@ -161,7 +161,11 @@ class _Parser:
         while self.peek()[:2] in (("sign", "+"), ("sign", "-")):
             terms.append(self.term(self.take()[1] == "-"))
         if not any(term.columns for term in terms):
-            self.fail("a column must follow the number", self.peek()[2])
+            lists = any(term.each for term in terms)
+            self.fail(
+                "a list of factors or offsets needs columns" if lists else "a column must follow the number",
+                self.peek()[2],
+            )
         return tuple(terms)
 
     def term(self, negative: bool) -> Term:
@@ -203,8 +207,6 @@ class _Parser:
             if not divides and not (len(columns) == 1 and self.constant(columns[0]))
         ]
         chosen = free[-1] if free else None  # none: an offset, such as 30*deg
-        if each and chosen is None:
-            self.fail("a list of factors needs columns", self.peek()[2])
         own, where = ((), self.peek()[2]) if chosen is None else (named[chosen][0], named[chosen][2])
         if not all(map(math.isfinite, (*numbers, *each, math.prod(numbers)))):
             self.fail("a factor is not finite", where)

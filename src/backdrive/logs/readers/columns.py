@@ -161,6 +161,17 @@ def unframe(content: Mapping[str, Any], receive: Callable[[memoryview], None], l
     )
 
 
+def describe(columns: Columns) -> str:
+    """Return the columns and their shapes in words, the longest first, at most sixty."""
+    longest = sorted(columns.arrays.items(), key=lambda item: -max(item[1].shape))
+    told = [
+        f"{name[:80]} {'x'.join(map(str, value.shape))}"
+        + (f" [{columns.units[name]}]" if name in columns.units else "")
+        for name, value in longest
+    ]
+    return ", ".join(told[:60]) + (f" and {len(told) - 60} more" if len(told) > 60 else "")
+
+
 def clean(text: object, longest: int = 300) -> str:
     """Return text from a file, cut to a length, with what would steer a terminal quoted."""
     return visible(str(text)[:longest])
