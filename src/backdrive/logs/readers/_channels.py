@@ -13,12 +13,8 @@ from backdrive.logs.readers import units
 from backdrive.logs.readers._expression import CHANNEL_OF, Column, Sum, Term
 from backdrive.logs.readers._names import KINDS
 from backdrive.logs.readers._shapes import orient
-from backdrive.logs.readers._tokens import CONSTANTS
+from backdrive.logs.readers._tokens import CONSTANTS, INDEX
 from backdrive.logs.readers.columns import Columns, describe
-
-#: Stands for the sample number in a `--map`.
-INDEX = "index"
-
 
 _SHORT = {channel: short for short, channel in CHANNEL_OF.items()}
 _SI = {"time": "s", "angle": "rad", "angle rate": "rad/s", "length": "m", "speed": "m/s", "torque": "N.m", "force": "N",

@@ -265,11 +265,14 @@ class _Parser:
         if kind not in ("name", "quoted"):
             before = self.tokens[self.at - 3 : self.at - 1]
             if [token[:2] for token in before[1:]] == [("sign", "*")] and before[0][0] == "name":
-                self.fail(
-                    f"'*' multiplies here, since '{before[0][1]}' is a column itself, and nothing follows it (a pattern of "
-                    f'several columns stands in quotes, "{before[0][1]}*")',
-                    where,
-                )
+                name = before[0][1]
+                what = "a column itself" if name in self.names else "a factor" if name in CONSTANTS else ""
+                if what:
+                    self.fail(
+                        f"'*' multiplies here, since '{name}' is {what}, and nothing follows it (a pattern of several columns "
+                        f'stands in quotes, "{name}*")',
+                        where,
+                    )
             self.fail("a column is missing", where)
         first = self.column(value, kind == "quoted")
         if not self.takes(".."):

@@ -11,8 +11,9 @@ import numpy as np
 
 from backdrive.errors import MappingError
 from backdrive.logs.readers import _expression
-from backdrive.logs.readers._channels import INDEX, Values, columns_of
+from backdrive.logs.readers._channels import Values, columns_of
 from backdrive.logs.readers._shapes import orient
+from backdrive.logs.readers._tokens import INDEX
 from backdrive.logs.readers.columns import Columns
 from backdrive.logs.readers.mapping import automatic, length
 

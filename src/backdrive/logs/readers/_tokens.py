@@ -13,6 +13,9 @@ from backdrive.logs.readers import units
 #: Factors by name [SI/unit].
 CONSTANTS = {"deg": math.pi / 180, "rpm": 2 * math.pi / 60, "turn": 2 * math.pi}
 
+#: Stands for the sample number.
+INDEX = "index"
+
 MOST_STARS = 3
 
 _TOKEN = re.compile(
@@ -23,6 +26,7 @@ _TOKEN = re.compile(
     re.VERBOSE,
 )
 _GLOB = re.compile(r"(?:[^\W\d][\w./#]*|)(?:\*[\w./#]*)+")
+_OPERAND = re.compile(r"""\s*["(\w]""")
 _SPACE = re.compile(r"\s*")
 _DIVISION = re.compile(r"/(?=\d+(?:\.\d+)?(?:[eE]\d*)?$)")
 
@@ -111,11 +115,18 @@ def _cut(name: str, names: Names) -> str:
 
 
 def _glob(text: str, at: int, names: Names) -> Token | None:
-    """Return a pattern with stars, where the first star is no product: nothing, or no factor, stands before it."""
+    """Return a pattern with stars, where the first star is no product: nothing, or no factor, stands before it.
+
+    Where it matches no column, it is a pattern all the same unless a factor or a column follows a star.
+    """
     match = _GLOB.match(text, at)
     if match is None:
         return None
-    head = match[0].partition("*")[0]
-    if head and (head in names or head in CONSTANTS or not names.matching(match[0])):
-        return None
-    return "glob", match[0], at
+    head, *tails = match[0].split("*")
+    if not head or (head not in names and head not in CONSTANTS and names.matching(match[0])):
+        return "glob", match[0], at
+    parts = [_cut(part, names) for part in (head, *tails)]
+    product = _OPERAND.match(text, match.end()) or any(
+        part in names or part in CONSTANTS or part == INDEX for part in parts
+    )
+    return None if product else ("glob", match[0], at)

@@ -11,10 +11,11 @@ from backdrive._arguments import NAMES, TABLE, WORD, check_arguments, either, op
 from backdrive.errors import InvalidInput, MappingError
 from backdrive.logs.log import CHANNELS, WRENCH, Joint, Log, Source, channel_unit
 from backdrive.logs.readers import _expression, _names
-from backdrive.logs.readers._channels import INDEX, Values, columns_of
+from backdrive.logs.readers._channels import Values, columns_of
 from backdrive.logs.readers._missing import NONE
 from backdrive.logs.readers._shapes import extent
 from backdrive.logs.readers._sides import divide_by_gear, motor_channels
+from backdrive.logs.readers._tokens import INDEX
 from backdrive.logs.readers.columns import Columns, describe
 
 _POSITIONS = ("position", "reference", "second_encoder")
