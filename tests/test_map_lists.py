@@ -59,6 +59,32 @@ def test_a_column_with_a_slash_is_no_division():
     assert np.array_equal(log_of("q=m/2", m=RAW["b"]).position[:, 0], RAW["b"] / 2)
 
 
+def test_columns_with_a_slash_in_patterns_lists_and_ranges():
+    arrays = {"m/1": RAW["a"], "m/2": RAW["b"], "m": RAW["c"], "/js/hip/p": RAW["a"], "/js/knee/p": RAW["b"]}
+    wanted = Q[:, :2]
+    for text, factor in (
+        ("m/*", 1.0),
+        ('"m/*"', 1.0),
+        ("2*m/*/4", 0.5),
+        ("m/1..m/2", 1.0),
+        ("/js/*/p", 1.0),
+        ("-/js/*/p/2", -0.5),
+        ("deg*(/js/hip/p,/js/knee/p)", np.pi / 180),
+        ("2*/js/hip/p,2*/js/knee/p", 2.0),
+        ("*/p/2", 0.5),
+    ):
+        assert np.allclose(log_of(f"q={text}", **arrays).position, factor * wanted), text
+    assert np.allclose(log_of("q=m/3", **arrays).position[:, 0], RAW["c"] / 3)
+
+
+def test_a_name_that_looks_like_a_unit_is_taken_with_a_factor_of_one():
+    stated = {"x/a": "a", "x/b": "b"}
+    arrays = {"x/a": RAW["a"], "x/b": RAW["b"]}
+    with pytest.raises(MappingError, match=r"'x/a' is in a, which is not a unit of position.*1 if the name"):
+        log_of("q=x/*", stated, **arrays)
+    assert np.allclose(log_of("q=1*x/*", stated, **arrays).position, Q[:, :2])
+
+
 def test_ranges():
     arrays = {f"j{i}_x": RAW["a"] + i for i in range(8, 12)}
     assert np.allclose(log_of("q=j8_x..j11_x", **arrays).position, RAW["a"][:, None] + (8, 9, 10, 11))

@@ -263,10 +263,11 @@ class Values:
                 )
             return None
         plain = not term.factors and not term.each and abs(term.factor) == 1.0
-        if stated is not None and plain and stated.kind not in KINDS[channel]:
+        as_it_stands = any(number == 1.0 for number in term.numbers)  # 1*COLUMN
+        if stated is not None and plain and stated.kind not in KINDS[channel] and not as_it_stands:
             raise MappingError(
                 f"--map {_SHORT[channel]}: '{full}' is in {self.stated[full]}, which is not a unit of {channel}.",
-                remedy="Give the factor that makes it one, or name another column.",
+                remedy="Give the factor that makes it one (1 if the name means something else), or name another column.",
             )
         ending = units.split_suffix(full)[1]
         unlikely = ("ma", "%") if channel == "torque" else ("deg", "deg/s", "rpm")

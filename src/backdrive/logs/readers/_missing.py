@@ -10,7 +10,7 @@ from backdrive.logs.readers._expression import CHANNEL_OF
 NONE = "No column was taken as "  # begins the sentence on a channel that is not there
 
 _SHORT = {channel: short for short, channel in CHANNEL_OF.items()}
-_PLAIN = re.compile(r"[^\W\d]\w*(?:[./#]+\w+)*")  # a column that a --map names without quotes
+_PLAIN = re.compile(r"/?[^\W\d]\w*(?:[./#]+\w+)*")  # a column that a --map names without quotes
 _MOST = 12  # joints that are listed
 
 

@@ -25,7 +25,8 @@ _TOKEN = re.compile(
       |(?P<sign>\.\.|[-+*/=,:()\[\]])""",
     re.VERBOSE,
 )
-_GLOB = re.compile(r"(?:[^\W\d][\w./#]*|)(?:\*[\w./#]*)+")
+_GLOB = re.compile(r"(?:/?[^\W\d][\w./#]*|/?)(?:\*[\w./#]*)+")
+_PATH = re.compile(r"/[^\W\d]\w*(?:[./#]+\w+)*")  # /joint_states/position, where no division can stand
 _OPERAND = re.compile(r"""\s*["(\w]""")
 _SPACE = re.compile(r"\s*")
 _DIVISION = re.compile(r"/(?=\d+(?:\.\d+)?(?:[eE]\d*)?$)")
@@ -86,7 +87,9 @@ def tokens(text: str, names: Names) -> list[Token]:
         if at == len(text):
             return found
         operand = not found or (found[-1][0] == "sign" and found[-1][1] not in (")", "]"))
-        token = (_glob(text, at, names) if operand else None) or _word(text, at, names)
+        token = ((_glob(text, at, names) or _path(text, at, names)) if operand else None) or _word(
+            text, at, names
+        )
         if token is None:
             refuse(text, f"'{text[at : at + 12]}' is not understood", at)
         found.append(token)
@@ -99,6 +102,11 @@ def _word(text: str, at: int, names: Names) -> Token | None:
         return None
     kind = str(match.lastgroup)
     return (kind, _cut(match[0], names) if kind == "name" else match[0], at)
+
+
+def _path(text: str, at: int, names: Names) -> Token | None:
+    match = _PATH.match(text, at)
+    return None if match is None else ("name", _cut(match[0], names), at)
 
 
 def _cut(name: str, names: Names) -> str:
@@ -122,11 +130,17 @@ def _glob(text: str, at: int, names: Names) -> Token | None:
     match = _GLOB.match(text, at)
     if match is None:
         return None
-    head, *tails = match[0].split("*")
-    if not head or (head not in names and head not in CONSTANTS and names.matching(match[0])):
-        return "glob", match[0], at
+    pattern = match[0]
+    division = _DIVISION.search(pattern)
+    if division and "*" in pattern[: division.start()] and not names.matching(pattern):
+        pattern = pattern[: division.start()]
+    head, *tails = pattern.split("*")
+    if not head or (head not in names and head not in CONSTANTS and names.matching(pattern)):
+        return "glob", pattern, at
     parts = [_cut(part, names) for part in (head, *tails)]
-    product = _OPERAND.match(text, match.end()) or any(
-        part in names or part in CONSTANTS or part == INDEX for part in parts
-    )
-    return None if product else ("glob", match[0], at)
+    product = _OPERAND.match(text, match.end()) or any(_is_factor(part, names) for part in parts)
+    return None if product else ("glob", pattern, at)
+
+
+def _is_factor(part: str, names: Names) -> bool:
+    return part in names or part in CONSTANTS or part == INDEX or part[:1] == "." or part[:1].isdigit()
