@@ -6,9 +6,9 @@ import pytest
 pytest.importorskip("pinocchio")
 
 from _arm_force import PUSH, ROBOT, SLIDING, log_of
-from backdrive.cli._maps import without_channels
 from backdrive.errors import InvalidInput, NotIdentifiable, UnknownName
 from backdrive.external import estimate_force
+from backdrive.logs.readers._map_parts import without_channels
 
 HOW = {"robot": ROBOT, "method": "momentum", "bandwidth": 60.0}
 

@@ -68,6 +68,42 @@ def test_joins_that_do_not_fit(tmp_path):
     assert len(read(first, join=hole)) == 40
 
 
+def bare(path, *columns):
+    np.savetxt(path, np.column_stack(columns), delimiter=",", fmt="%.16g")
+    return path
+
+
+@pytest.mark.parametrize(
+    "map", ["tau=column_2", "t=column_1,tau=column_2", {"t": "column_1", "tau": "column_2"}]
+)
+def test_a_file_without_a_header_beside_one_with_a_header(tmp_path, map):
+    first = table(tmp_path / "q.csv", "time,q", T, Q)
+    log = read(first, join=bare(tmp_path / "tau.csv", T + 0.003, 2.0 * T), map=map)
+    assert np.allclose(log.torque[:, 0], 2.0 * (log.time - 0.003), atol=1e-9) and log.names == ("joint_1",)
+    guessed = [
+        n for n in log.notes if "has no header: its first column increases, and was taken as the time" in n
+    ]
+    assert len(guessed) == (map == "tau=column_2")
+
+
+def test_a_file_with_a_header_beside_one_without(tmp_path):
+    first = bare(tmp_path / "q.csv", T, Q)
+    log = read(first, join=table(tmp_path / "tau.csv", "time,tau", T, 3.0 * T), map="t=column_1,q=column_2")
+    assert np.allclose(log.torque[:, 0], 3.0 * log.time)
+    both = read(
+        first, join=bare(tmp_path / "i.csv", T, 3.0 * T), map="t=column_1,q=column_2,tau=2*i/column_2"
+    )
+    assert np.allclose(both.torque[:, 0], 6.0 * both.time)
+
+
+def test_a_time_that_only_the_second_file_names(tmp_path):
+    first = table(tmp_path / "q.csv", "time,q", T, Q)
+    log = read(first, join=table(tmp_path / "i.csv", "tick,tau", 1e3 * T, 3.0 * T), map="t=0.001*Tick")
+    assert np.allclose(log.torque[:, 0], 3.0 * log.time)
+    with pytest.raises(MappingError, match=r"still\.csv: No column has a name that means time"):
+        read(first, join=bare(tmp_path / "still.csv", Q - Q, T), map="tau=column_2")
+
+
 # -------------------------------------------------------------------------------- names inside the log
 
 

@@ -12,11 +12,11 @@ import typer
 
 from backdrive.cli import _logs
 from backdrive.cli._estimate_output import print_result
-from backdrive.cli._maps import without_channels
 from backdrive.cli._output import echo, print_json
 from backdrive.cli._payload import center_from, check_options, print_payload
 from backdrive.cli._progress import progress
 from backdrive.cli._targets import check_targets
+from backdrive.logs.readers._map_parts import without_channels
 
 COMPARED = (
     "tau_ext",

@@ -110,7 +110,7 @@ def read_log(  # noqa: PLR0913  (its options are given by keyword)
     if parts:
         from backdrive.logs.readers._join import side_by_side
 
-        columns = side_by_side(columns, parts, map)
+        columns, map = side_by_side(columns, parts, map)
     sources = tuple(Source(path=str(file), sha256=value) for file, value in zip(every, digests, strict=True))
     return to_log(
         columns,

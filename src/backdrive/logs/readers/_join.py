@@ -12,9 +12,10 @@ import numpy as np
 from backdrive.errors import MappingError
 from backdrive.logs.readers import _expression
 from backdrive.logs.readers._channels import Values, columns_of
+from backdrive.logs.readers._map_parts import without_channels
 from backdrive.logs.readers._shapes import orient
-from backdrive.logs.readers._tokens import INDEX
-from backdrive.logs.readers.columns import Columns
+from backdrive.logs.readers._tokens import INDEX, Names
+from backdrive.logs.readers.columns import NAMELESS, Columns
 from backdrive.logs.readers.mapping import automatic, length
 
 GAP = 2.5  # an interval this many times longer than usual is a gap, and nothing is interpolated across [-]
@@ -23,15 +24,16 @@ FEWEST = 2  # samples that must be left
 
 def side_by_side(
     first: Columns, others: Sequence[tuple[str, Columns]], map: str | Mapping[str, str] | None = None
-) -> Columns:
-    """Return the columns of a file and, interpolated onto its clock, those of others.
+) -> tuple[Columns, str | Mapping[str, str] | None]:
+    """Return the columns of a file and, interpolated onto its clock, those of others; and what of the map is left to do.
 
     Rows of the first file before, after or within a gap of another's clock are left out, and noted.
 
     Args:
         first: gives the clock.
         others: path and columns of each file to join.
-        map: as in `--map`; its time column is used for every file that contains it.
+        map: as in `--map`; its time column is used for every file that contains it, the others' is told by its name. In a
+            joined file without a header the first column is the time if it increases.
 
     Raises:
         MappingError: a file has no recognizable time, or the clocks do not overlap.
@@ -40,18 +42,31 @@ def side_by_side(
         dict.fromkeys(name for columns in (first, *(c for _, c in others)) for name in columns.arrays)
     )
     asked = _expression.parse(map, names) if map is not None else {}
+    sums = asked.get("time")
+    elsewhere = sums is not None and not any(_has(first, name) for name in columns_of(sums))
     for path, other in others:
         first = _join(first, other, path, asked)
-    return first
+    return first, _without_time(map) if elsewhere else map
+
+
+def _has(columns: Columns, name: str) -> bool:
+    return name == INDEX or name in Names(tuple(columns.arrays))
+
+
+def _without_time(map: str | Mapping[str, str] | None) -> str | Mapping[str, str] | None:
+    names = ("t", "time")
+    if isinstance(map, Mapping):
+        return {name: value for name, value in map.items() if name not in names} or None
+    return without_channels(map, names)
 
 
 def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -> Columns:
     clock, _ = _clock(first, asked, "The first file")
-    theirs, of_time = _clock(other, asked, path)
+    notes: list[str] = []
+    theirs, of_time = _clock_without_header(other, asked, path, notes) or _clock(other, asked, path)
     usable = np.flatnonzero(np.isfinite(theirs))
     stamps, where = np.unique(theirs[usable], return_index=True)
     rows = usable[where]
-    notes: list[str] = []
     if rows.size < theirs.size:
         notes.append(
             f"{theirs.size - rows.size} samples of {path} without a stamp of their own were left out."
@@ -117,13 +132,26 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -
     )
 
 
+def _clock_without_header(
+    columns: Columns, asked: Mapping[str, Any], path: str, notes: list[str]
+) -> tuple[np.ndarray, list[str]] | None:
+    """Return the first column of a file without a header, and its name, if it can be the time and the map names no other."""
+    named = any(_has(columns, name) for name in columns_of(asked.get("time") or ()))
+    names = list(columns.arrays)
+    if named or names != [f"{NAMELESS}{i + 1}" for i in range(len(names))]:
+        return None
+    time = columns.arrays[names[0]]
+    if time.ndim > 1 or time.size < FEWEST or not (np.diff(time) > 0.0).all():
+        return None
+    notes.append(f"{path} has no header: its first column increases, and was taken as the time [s].")
+    return time.astype(float), names[:1]
+
+
 def _clock(columns: Columns, asked: Mapping[str, Any], path: str) -> tuple[np.ndarray, list[str]]:
     """Return the instants of a file on its own clock [s], (n,), and the columns that they are of."""
     sums = asked.get("time")
     of_time = columns_of(sums) if sums else []
-    own = (
-        {"time": sums} if of_time and all(name in columns.arrays or name == INDEX for name in of_time) else {}
-    )
+    own = {"time": sums} if of_time and all(_has(columns, name) for name in of_time) else {}
     try:
         found = automatic(columns, own)
         values = Values(columns, found.units, length(columns, own, found))

@@ -17,6 +17,8 @@ from backdrive.logs.readers.limits import Limits
 #: The only element types that may come back from the parsing process.
 PLAIN = frozenset(("|b1", "|i1", "|u1", "<i2", "<u2", "<i4", "<u4", "<i8", "<u8", "<f4", "<f8"))
 
+NAMELESS = "column_"  # begins the names of columns without a header, before their number from 1
+
 _LAWS: dict[str, Any] = {law: law for law in ("torque", "velocity", "position", "voltage", "duty")}
 
 

@@ -1,4 +1,4 @@
-"""Parts of a --map option."""
+"""Parts of a `--map`."""
 
 from __future__ import annotations
 
