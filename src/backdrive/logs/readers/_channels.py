@@ -53,7 +53,7 @@ class Values:
         Raises:
             MappingError: lists the columns.
         """
-        return self.columns.arrays[self._full(name)]
+        return self.columns.arrays[self.full(name)]
 
     def add_sums(self, channel: str, sums: Sequence[Sum]) -> None:
         """Add a channel as `--map` has it: sums of columns side by side.
@@ -155,7 +155,8 @@ class Values:
             for name in names:
                 arrays[name] = np.broadcast_to(np.float64(0.0), arrays[name].shape)
 
-    def _full(self, name: str) -> str:
+    def full(self, name: str) -> str:
+        """Return the name in the file of a column as it is written; see `find`."""
         arrays = self.columns.arrays
         if name in arrays:
             return name
@@ -221,7 +222,7 @@ class Values:
         """Return one column of a term before its factors, (n, k); in SI where its unit is to be heeded."""
         if column.name == INDEX and INDEX not in self.columns.arrays:
             return np.arange(self.n, dtype=float)[:, None]
-        full = self._full(column.name)
+        full = self.full(column.name)
         raw = self.columns.arrays[full]
         value = raw.reshape(1, 1).astype(float) if raw.size == 1 and self.n != 1 else orient(raw, self.n)
         if value is None:

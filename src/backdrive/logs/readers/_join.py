@@ -11,12 +11,12 @@ import numpy as np
 
 from backdrive.errors import MappingError
 from backdrive.logs.readers import _expression
+from backdrive.logs.readers._automatic import automatic, length
 from backdrive.logs.readers._channels import Values, columns_of
 from backdrive.logs.readers._map_parts import without_channels
 from backdrive.logs.readers._shapes import orient
 from backdrive.logs.readers._tokens import INDEX, Names
 from backdrive.logs.readers.columns import NAMELESS, Columns
-from backdrive.logs.readers.mapping import automatic, length
 
 GAP = 2.5  # an interval this many times longer than usual is a gap, and nothing is interpolated across [-]
 FEWEST = 2  # samples that must be left
@@ -45,7 +45,7 @@ def side_by_side(
     sums = asked.get("time")
     elsewhere = sums is not None and not any(_has(first, name) for name in columns_of(sums))
     for path, other in others:
-        first = _join(first, other, path, asked)
+        first = join(first, other, path, asked)
     return first, _without_time(map) if elsewhere else map
 
 
@@ -60,10 +60,24 @@ def _without_time(map: str | Mapping[str, str] | None) -> str | Mapping[str, str
     return without_channels(map, names)
 
 
-def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -> Columns:
-    clock, _ = _clock(first, asked, "The first file")
+def join(
+    first: Columns, other: Columns, path: str, asked: Mapping[str, Any], *, apart: bool = True
+) -> Columns:
+    """Return the columns of a file and, interpolated onto its clock, those of another.
+
+    Args:
+        first: gives the clock.
+        other: is joined.
+        path: of the other, for what is said.
+        asked: sums of a `--map`.
+        apart: the other is a file of its own, whose clock may have begun at another instant.
+
+    Raises:
+        MappingError: a file has no recognizable time, or the clocks do not overlap.
+    """
+    clock, _ = clock_of(first, asked, "The first file")
     notes: list[str] = []
-    theirs, of_time = _clock_without_header(other, asked, path, notes) or _clock(other, asked, path)
+    theirs, of_time = _clock_without_header(other, asked, path, notes) or clock_of(other, asked, path)
     usable = np.flatnonzero(np.isfinite(theirs))
     stamps, where = np.unique(theirs[usable], return_index=True)
     rows = usable[where]
@@ -96,7 +110,7 @@ def _join(first: Columns, other: Columns, path: str, asked: Mapping[str, Any]) -
     notes.append(
         f"{path} was joined by time: from {rates[1]:.6g} Hz onto {rates[0]:.6g} Hz, by straight lines."
     )
-    if clock[0] == theirs[0] == 0.0:
+    if apart and clock[0] == theirs[0] == 0.0:
         notes.append(f"Both clocks begin at 0, so {path} is assumed to begin at the same instant.")
     arrays = {name: _rows(value, clock.size, keep) for name, value in first.arrays.items()}
     units, named = dict(first.units), dict[str, str]()
@@ -147,7 +161,7 @@ def _clock_without_header(
     return time.astype(float), names[:1]
 
 
-def _clock(columns: Columns, asked: Mapping[str, Any], path: str) -> tuple[np.ndarray, list[str]]:
+def clock_of(columns: Columns, asked: Mapping[str, Any], path: str) -> tuple[np.ndarray, list[str]]:
     """Return the instants of a file on its own clock [s], (n,), and the columns that they are of."""
     sums = asked.get("time")
     of_time = columns_of(sums) if sums else []

@@ -10,12 +10,12 @@ import numpy as np
 from backdrive._arguments import NAMES, TABLE, WORD, check_arguments, either, optional
 from backdrive.errors import InvalidInput, MappingError
 from backdrive.logs.log import CHANNELS, WRENCH, Joint, Log, Source, channel_unit
-from backdrive.logs.readers import _expression, _names
-from backdrive.logs.readers._channels import Values, columns_of
+from backdrive.logs.readers import _expression
+from backdrive.logs.readers._automatic import automatic, length, name_list
+from backdrive.logs.readers._channels import Values
+from backdrive.logs.readers._clocks import on_one_clock
 from backdrive.logs.readers._missing import NONE
-from backdrive.logs.readers._shapes import extent
 from backdrive.logs.readers._sides import divide_by_gear, motor_channels
-from backdrive.logs.readers._tokens import INDEX
 from backdrive.logs.readers.columns import Columns, describe
 
 _POSITIONS = ("position", "reference", "second_encoder")
@@ -72,6 +72,7 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
     side = _side(coupling_side, coupling)
     asked = _expression.parse(map, columns.arrays) if map is not None else {}
     found = automatic(columns, asked, names)
+    columns = on_one_clock(columns, asked, found.columns)
     if owned:
         for array in columns.arrays.values():
             array.setflags(write=False)
@@ -186,52 +187,6 @@ def _align_patterns(values: Values) -> tuple[str, ...]:
     return wanted if all(wanted) else ()
 
 
-def automatic(
-    columns: Columns, asked: Mapping[str, Any], names: str | Sequence[str] | None = None
-) -> _names.Guess:
-    """Return what the format, or else the names, say about the columns that fit the time.
-
-    Names of joints leave out those that lack a channel, unless a `--map` says what the joints are.
-    """
-    if columns.channels:
-        return _names.Guess(
-            columns={
-                channel: (name,) for name, channel in columns.channels.items() if name in columns.arrays
-            },
-            joints=columns.joints,
-        )
-    wanted = () if names is None or set(asked) - {"time"} else _words(names)
-    shapes = {name: value.shape for name, value in columns.arrays.items() if value.size > 1}
-    found = _names.guess(
-        {name: min(shape) if len(shape) == 2 else 1 for name, shape in shapes.items()}, columns.units, asked
-    )
-    n = length(columns, asked, found)
-    fitting = {name: extent(shape, n) for name, shape in shapes.items()}
-    fitting = {name: width for name, width in fitting.items() if width}
-    return _names.guess(fitting, columns.units, asked, wanted, columns.joints)
-
-
-def length(columns: Columns, asked: Mapping[str, Any], found: _names.Guess) -> int:
-    """Return the number of samples: that of the time, or of what moves where time is counted with `index`."""
-    sums = asked.get("time")
-    if sums is None and "time" in asked:
-        raise MappingError("--map t=none: a log needs a time.", remedy="Write for example t=0.001*index.")
-    of_time = columns_of(sums) if sums else list(found.columns.get("time", ()))
-    moving = [name for c in ("position", "velocity") for name in columns_of(asked.get(c) or ())]
-    moving += [name for c in ("position", "velocity") for name in found.columns.get(c, ())]
-    counted = bool(sums) and all(name == INDEX for name in of_time)
-    for name in moving if counted else of_time:
-        if name in columns.arrays:
-            return max(columns.arrays[name].shape)
-        if sums or counted:
-            shape = Values(columns, {}, 0).find(name).shape
-            return max(shape)
-    raise MappingError(
-        "No column has a name that means time.",
-        remedy=f"Name it with --map t=COLUMN, or t=0.001*index for a 1 kHz log. Columns: {describe(columns)}.",
-    )
-
-
 def _width(arrays: Mapping[str, np.ndarray]) -> int:
     widths = {channel: value.shape[1] for channel, value in arrays.items() if channel != "time"}
     if len(set(widths.values())) > 1:
@@ -313,7 +268,7 @@ def _labels(names: str | Sequence[str] | None, own: Sequence[str], width: int) -
     own = list(own) if len(own) == width else []
     if names is None:
         return own or [f"joint_{i + 1}" for i in range(width)], list(range(width))
-    wanted = _words(names)
+    wanted = name_list(names)
     if own and set(wanted) <= set(own):
         return wanted, [own.index(name) for name in wanted]
     if len(wanted) != width:
@@ -323,10 +278,6 @@ def _labels(names: str | Sequence[str] | None, own: Sequence[str], width: int) -
             remedy=f"Give one name a joint.{known}",
         )
     return wanted, list(range(width))
-
-
-def _words(names: str | Sequence[str]) -> list[str]:
-    return [str(name).strip() for name in (names.split(",") if isinstance(names, str) else names)]
 
 
 def _each(value: float | Sequence[float] | None, width: int, what: str) -> list[float] | None:
