@@ -82,7 +82,11 @@ def test_a_name_that_looks_like_a_unit_is_taken_with_a_factor_of_one():
     arrays = {"x/a": RAW["a"], "x/b": RAW["b"]}
     with pytest.raises(MappingError, match=r"'x/a' is in a, which is not a unit of position.*1 if the name"):
         log_of("q=x/*", stated, **arrays)
-    assert np.allclose(log_of("q=1*x/*", stated, **arrays).position, Q[:, :2])
+    log = log_of("q=1*x/*", stated, **arrays)
+    assert np.allclose(log.position, Q[:, :2])
+    assert any(
+        "'x/a' was taken as SI, as its factor is 1, though its name says a" in note for note in log.notes
+    )
 
 
 def test_ranges():

@@ -264,11 +264,14 @@ class Values:
                 )
             return None
         plain = not term.factors and not term.each and abs(term.factor) == 1.0
-        as_it_stands = any(number == 1.0 for number in term.numbers)  # 1*COLUMN
-        if stated is not None and plain and stated.kind not in KINDS[channel] and not as_it_stands:
-            raise MappingError(
-                f"--map {_SHORT[channel]}: '{full}' is in {self.stated[full]}, which is not a unit of {channel}.",
-                remedy="Give the factor that makes it one (1 if the name means something else), or name another column.",
+        if stated is not None and plain and stated.kind not in KINDS[channel]:
+            if 1.0 not in term.numbers:
+                raise MappingError(
+                    f"--map {_SHORT[channel]}: '{full}' is in {self.stated[full]}, which is not a unit of {channel}.",
+                    remedy="Give the factor that makes it one (1 if the name means something else), or name another column.",
+                )
+            self.notes.append(
+                f"'{full}' {AS_SI}, as its factor is 1, though its name says {self.stated[full]}."
             )
         ending = units.split_suffix(full)[1]
         unlikely = ("ma", "%") if channel == "torque" else ("deg", "deg/s", "rpm")
