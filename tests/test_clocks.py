@@ -90,6 +90,17 @@ def test_mapped_columns_and_frames(tmp_path):
     assert done.returncode == 0 and "No faults" in done.stdout and "was joined by time" in done.stdout
 
 
+def test_a_time_that_is_named_without_its_unit(tmp_path):
+    t, s = clock(250.0), clock(200.0, 1.5e-3)
+    path = table(tmp_path / "pj.csv", "q,tau", q=(t, position(t)), tau=(s, torque(s)))
+    text = path.read_text()
+    path.write_text(text.replace("__time", "stamp [s]"))
+    log = read(path, map="t=stamp")
+    assert np.allclose(log.torque[:, 0], torque(log.time - 1.7e9), atol=1e-3)
+    counted = read(path, map="t=0.001*index")  # a row's number is no clock of its columns
+    assert len(counted) == t.size + s.size and any(f.name == "nan" for f in check(counted))
+
+
 @pytest.mark.parametrize("kind", ["lost", "half lost", "hole", "half", "position"])
 def test_lost_samples_and_holes_are_no_clock(tmp_path, kind):
     t = clock(500.0)

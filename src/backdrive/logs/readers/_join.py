@@ -171,6 +171,7 @@ def clock_of(columns: Columns, asked: Mapping[str, Any], path: str) -> tuple[np.
         values = Values(columns, found.units, length(columns, own, found))
         if sums and own:
             values.add_sums("time", sums)
+            of_time = [name if name == INDEX else values.full(name) for name in of_time]
         else:
             of_time = list(found.columns["time"])
             values.add_columns("time", of_time)
