@@ -38,9 +38,8 @@ def about(centers, weight, c=0.0, *, error=0.05, slopes=None, bend=0.0, **more):
     zigzag = bend * np.array([1.0, -1.0, 1.0, -1.0])
     for q in centers:
         g = 0.98 * (weight[0] * np.sin(q) + weight[1] * np.cos(q))
-        slope = (
-            (NAN, NAN) if slopes is None else (0.98 * (weight[0] * np.cos(q) - weight[1] * np.sin(q)), slopes)
-        )
+        # torque grows with sin(q - center) by this, whatever the stroke; only its mean has the level
+        slope = (NAN, NAN) if slopes is None else (weight[0] * np.cos(q) - weight[1] * np.sin(q), slopes)
         found.append(
             pairs(
                 up(SPEEDS) + c + zigzag + g, up(SPEEDS) - c - zigzag - g, q, error=error, slope=slope, **more
@@ -139,12 +138,11 @@ def test_gravity_is_seen_inside_a_stroke_from_four_standard_errors_on(times, kno
     )
     assert (set(got.terms) == set(GRAVITY)) is known and (set(got.terms) == {"offset"}) is not known
     if known:
-        # level (s sin q + c cos q) = bias, level (s cos q - c sin q) = slope
-        s, c = (
-            np.array([[np.sin(q), np.cos(q)], [np.cos(q), -np.sin(q)]])
-            @ [bias, np.sign(times) * slope]
-            / 0.98
-        )
+        # level (s sin q + c cos q) = bias, s cos q - c sin q = slope
+        s, c = np.array([[np.sin(q), np.cos(q)], [np.cos(q), -np.sin(q)]]) @ [
+            bias / 0.98,
+            np.sign(times) * slope,
+        ]
         assert [got.terms[t][0] for t in GRAVITY] == pytest.approx([s, c])
         assert got.law.positive == pytest.approx(up(SPEEDS)) and got.condition == np.inf
         assert (

@@ -152,7 +152,7 @@ def equations(knots: Sequence[SweepKnots]) -> Equations:
             swing.append(np.zeros(speed.size) if k.swing is None else max(inertia, 0.0) * k.swing)
         if k.slope[1] > 0:
             row = np.zeros((1, 2 * K + len(ALL)))
-            row[0, 2 * K : 2 * K + 2] = k.level * np.cos(center), -k.level * np.sin(center)
+            row[0, 2 * K : 2 * K + 2] = np.cos(center), -np.sin(center)
             slopes.append((row, k.slope))
     levels = sum(e.size for e in error)
     deviation = np.concatenate([*error, [s[1] for _, s in slopes]])

@@ -141,9 +141,10 @@ def fit(  # noqa: PLR0912, PLR0915  (the steps of one method in a row)
         symmetric = not _differ(theta, covariance, K)
     told = condition <= WORST_CONDITION
     if symmetric and not asked and known and not told:
+        held = "" if "offset" in kept else "; gravity holds that and any offset of the torque signal"
         said.append(
             f"Joint '{name}' has one curve for both directions, since its sweeps do not separate a constant "
-            f"difference of the directions from gravity. {REMEDY}"
+            f"difference of the directions from gravity{held}. {REMEDY}"
         )
     weight = _same_weight(eqs, theta) if told and known and load is None else 0.0
     if weight > 0.0:
