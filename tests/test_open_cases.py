@@ -163,3 +163,14 @@ def test_a_sampled_torque_is_not_taken_for_a_command_by_its_reversals(made, seed
     speeds = np.array([0.4, 1.4])
     slow, fast = 0.5 * (friction.law.torque(speeds) - friction.law.torque(-speeds))
     assert (fast - slow) / np.diff(speeds)[0] == pytest.approx(joint.viscous, rel=0.1)
+
+
+@pytest.mark.parametrize(("width", "warming"), [(0.02, 0.0), (5e-4, -0.3)])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_friction_that_builds_up_in_a_sweep_is_not_warming(made, width, warming, seed):
+    rng = np.random.default_rng([7, seed])
+    joint = made.Joint(width=width, warming=warming)
+    record = made.record(joint, made.sweep(0.3, 0.35, 1.2, 10), made.Logger(rate=500.0, noise=0.08), rng)
+    (friction,) = identify(to_log(record), method="sweep").model.joints
+    assert any("Friction changes over the log" in w for w in friction.warnings) is bool(warming)
+    assert not any("follows the position" in w for w in friction.warnings)

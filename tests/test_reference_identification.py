@@ -245,7 +245,7 @@ def loaded_knots(centers, mu=0.0, c=0.4, payload=(0.0, 0.0), level=0.98, mu_b=No
         lifting, driven = (mu, mu_b) if g > 0.0 else (mu_b, mu)
         up = lambda v, g=g, m=lifting: 9.0 + 3.0 * v + c + m * abs(g) + g  # noqa: E731
         down = lambda v, g=g, m=driven: 9.0 + 3.0 * v - c + m * abs(g) - g  # noqa: E731
-        slope = (GRAV @ [np.cos(q), -np.sin(q)]) * level
+        slope = GRAV @ [np.cos(q), -np.sin(q)]
         found.append(knots_at(q, up, down, level=level, slope=(slope, 0.2), **more))
     return found
 
@@ -273,7 +273,7 @@ def test_the_equations_of_pairs_solved_by_hand():
                 weights.append(1.0 / e)
     condition = np.linalg.cond(np.array(rows))
     for k in knots:
-        rows.append(np.r_[np.zeros(8), k.level * np.cos(k.center), -k.level * np.sin(k.center)])
+        rows.append(np.r_[np.zeros(8), np.cos(k.center), -np.sin(k.center)])
         weights.append(1.0 / 0.2)
     X = np.array(rows) * np.array(weights)[:, None]
     assert covariance[:10, :10] == pytest.approx(np.linalg.inv(X.T @ X), rel=1e-6, abs=1e-12)

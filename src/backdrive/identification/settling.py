@@ -14,10 +14,11 @@ import numpy as np
 
 from backdrive.identification import noise
 from backdrive.identification.delay import earlier
-from backdrive.identification.motion_bins import Bins, bin_size
+from backdrive.identification.motion_bins import BLOCKS, Bins, bin_size
+from backdrive.identification.residual import MEAN, Part, residual_of
 from backdrive.identification.signals import Signals, since_reversal, way_since_reversal
 from backdrive.identification.slip import fit
-from backdrive.identification.whitening import Colour
+from backdrive.identification.whitening import WHITE, Colour
 from backdrive.logs import filters
 
 # tested distances, relative to the median distance between two reversals [-]
@@ -72,6 +73,24 @@ def after_build_up(stretches: Sequence[Signals], distance: float) -> list[Signal
         return list(stretches)
     masks = [s.sliding & (way_since_reversal(s)[0] >= distance) for s in stretches]
     return [replace(s, sliding=mask).with_pull_of(s) for s, mask in zip(stretches, masks, strict=True)]
+
+
+def past_build_up(parts: Sequence[Part]) -> list[np.ndarray]:
+    """Return where friction no longer builds up, a mask for each part, (n,) each, by the residual of a model.
+
+    It is for methods that fit samples far from reversals alone, so that they need not know where friction builds up.
+
+    Args:
+        parts: signals in step, measured friction, predicted torque [N.m or N] and whether they were fitted.
+    """
+    stretches, res = [s for s, *_ in parts], residual_of(parts, means_alone=True)
+    if res is None or not res.sliding.any():
+        return [s.sliding for s in stretches]
+    raw = Bins(
+        X=res.columns, y=res.torque_error, used=res.sliding, speed=np.abs(res.velocity), blocks=BLOCKS[0]
+    )
+    distance = build_up(raw, stretches, 0.0, np.eye(res.columns.shape[1]), WHITE, MEAN)
+    return [s.sliding for s in after_build_up(stretches, distance)]
 
 
 def _from_move_to_move(error: np.ndarray, band: np.ndarray, moves: np.ndarray) -> float:

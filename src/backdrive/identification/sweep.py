@@ -19,6 +19,7 @@ from backdrive.identification.function_a import SHARE, correct_pairs, function_a
 from backdrive.identification.function_a import literal as literal_pairs
 from backdrive.identification.quality import assess_parts
 from backdrive.identification.result import JointEvidence
+from backdrive.identification.settling import past_build_up
 from backdrive.identification.signals import Signals, prepare
 from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_equations import ALL
@@ -150,7 +151,8 @@ def identify_sweep(
     of_curve = error_of_curve(friction)
     if not literal:
         of_curve = widen_below(friction.law, friction.validity.lowest_speed or 0.0, of_curve)
-    support = evidence(friction, [part for log in parts for part in log], of_curve)
+    every = [part for log in parts for part in log]
+    support = evidence(friction, every, of_curve, settled=[] if literal else past_build_up(every))
     said = verdict(friction, found) + ("" if delay is None else f" {describe(delay)}")
     return friction, replace(support, verdict=said)
 

@@ -55,8 +55,8 @@ def sweep_delay(stretches: Sequence[Signals], cycles: Windows, start: float = 0.
         start: initial delay of the search [s].
 
     Returns:
-        Delay and standard error [s]; NaN if the sweep has fewer than three cycles or no position, or if the inertia is not
-        positive.
+        Delay and standard error [s]; NaN if the sweep has fewer than three cycles or no position, if the inertia is not
+        positive, or if the delay is longer than any that is sought: another cause lags then, such as friction that builds up.
     """
     nothing = float("nan"), float("nan")
     if cycles.peak.size < 3 or any(s.position is None for s in stretches):
@@ -66,9 +66,8 @@ def sweep_delay(stretches: Sequence[Signals], cycles: Windows, start: float = 0.
     length = float(np.min(cycles.time[:, 1] - cycles.time[:, 0]))
     parts = [_part(s, cycles, CORNER / length) for s in stretches]
     *loaded, grows = _solve(stretches, parts, knots, True, start)
-    if grows:
-        return loaded[0], loaded[1]
-    return _solve(stretches, parts, knots, False, start)[:2]
+    delay, error = loaded if grows else _solve(stretches, parts, knots, False, start)[:2]
+    return (delay, error) if abs(delay) <= lateness.LATEST else nothing
 
 
 def _solve(
