@@ -174,3 +174,16 @@ def test_friction_that_builds_up_in_a_sweep_is_not_warming(made, width, warming,
     (friction,) = identify(to_log(record), method="sweep").model.joints
     assert any("Friction changes over the log" in w for w in friction.warnings) is bool(warming)
     assert not any("follows the position" in w for w in friction.warnings)
+
+
+@pytest.mark.parametrize(("amplitude", "gravity"), [(0.2, (0.0, 0.0)), (0.5, (6.0, 2.0))])
+def test_a_drift_in_a_sweep_is_not_cogging(made, amplitude, gravity):
+    """Cycles grow faster one by one, so a curve of the speed takes up a part of the drift; the rest looked like a wave."""
+    rng = np.random.default_rng(8)
+    joint = made.Joint(gravity=gravity)
+    record = made.record(joint, made.sweep(0.3, amplitude, 1.2, 10), made.Logger(rate=500.0, noise=0.08), rng)
+    drift = 2.0 * np.linspace(0.0, 1.0, record.time.size)
+    (friction,) = identify(to_log(replace(record, torque=record.torque + drift)), method="sweep").model.joints
+    (said,) = [w for w in friction.warnings if "drifts over the log" in w]
+    assert float(said.split("by ")[1].split()[0]) == pytest.approx(2.0 / np.sqrt(12.0), rel=0.2)
+    assert not any("cogging" in w for w in friction.warnings)

@@ -16,6 +16,7 @@ from backdrive.identification.quality import grade
 from backdrive.identification.residual import Part, residual_of
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.identification.signals import Signals
+from backdrive.laws import Polyline
 from backdrive.model import JointFriction
 
 MOST = 4000  # largest number of samples for pictures
@@ -55,7 +56,7 @@ def evidence(
         position = np.full(s.time.size, np.nan) if s.position is None else s.position
         series = s.time, position, s.velocity, s.torque, measured, predicted, np.full(s.time.size, fitted)
         columns.append([x[::stride] for x in series])
-    names = [f.name for f in fields(Samples)]
+    names, rate = [f.name for f in fields(Samples)], friction.law.rate
     samples = Samples(
         **{name: np.concatenate(each) for name, each in zip(names, zip(*columns, strict=True), strict=True)}
     )
@@ -67,7 +68,7 @@ def evidence(
         presliding=presliding,
         bands=bands_of(parts),
         long_run=long_run_of(parts),
-        residual=residual_of(parts, settled),
+        residual=residual_of(parts, settled, knots=rate.velocity if isinstance(rate, Polyline) else ()),
     )
 
 

@@ -203,11 +203,14 @@ def _by_log(case: Case, res: Residual) -> tuple[np.ndarray, ...]:
 
 
 def _times(res: Residual) -> list[np.ndarray]:
-    """Return the normalised index of the means, from -0.5 to 0.5, over all means and, if there are several, in each stretch."""
-    lengths = np.bincount(res.part)
-    lengths = lengths[lengths > 0]
-    every = [[res.time.size]] if lengths.size == 1 else [[res.time.size], lengths.tolist()]
-    return [np.concatenate([np.linspace(-0.5, 0.5, n) for n in some]) for some in every]
+    """Return the normalised time of the means, from -0.5 to 0.5, over all stretches and, if there are several, in each one."""
+    starts = np.flatnonzero(np.diff(res.part, prepend=-1))
+    ends = np.append(starts[1:], res.part.size) - 1
+    lengths = ends - starts + 1
+    spans = res.time[ends] - res.time[starts] + res.period
+    within = res.time - np.repeat(res.time[starts], lengths)
+    over_all = (within + np.repeat(np.cumsum(spans) - spans, lengths)) / spans.sum() - 0.5
+    return [over_all] if starts.size == 1 else [over_all, within / np.repeat(spans, lengths) - 0.5]
 
 
 def _static_load(case: Case, res: Residual) -> np.ndarray:

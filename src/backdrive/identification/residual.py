@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.special import fdtrc
 
+from backdrive.identification.curves import basis
 from backdrive.identification.projection import CLEAR, inverse_of, orthonormal
 from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.identification.waves import waves_at
@@ -31,6 +32,7 @@ WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
 OUTLYING = 3.0  # the same of a mean
 FINEST = 100.0  # largest number of waves over the range of positions
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
+LINE = 2  # number of knots of a straight line
 MOST = 4_000_000  # largest product of means and wave numbers in the search for a wave
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
@@ -75,6 +77,7 @@ class Residual:
         period: time between means [s].
         wild: share of single outliers among the samples [-].
         step: of the measured torque [N.m or N]; 0 without steps.
+        knots: speeds of the fitted curve [rad/s or m/s], (k,); empty for a line.
     """
 
     time: np.ndarray
@@ -92,6 +95,7 @@ class Residual:
     period: float
     wild: float
     step: float
+    knots: tuple[float, ...] = ()
 
     @property
     def torque_error(self) -> np.ndarray:
@@ -125,9 +129,16 @@ class Residual:
 
     @cached_property
     def columns(self) -> np.ndarray:
-        """Columns of all terms of a single-axis model, (n, p)."""
+        """Columns of all terms of a single-axis model, (n, p).
+
+        A curve that was fitted has taken up what it can of any other cause, so its knots are among them. In a sweep a drift of
+        the torque looks like friction over the speed, for each cycle is later and faster than the one before.
+        """
         way = np.sign(self.velocity)
-        rows = [way, self.velocity, np.abs(self.velocity), np.ones_like(way), self.acceleration]
+        rows = [way, self.velocity, np.abs(self.velocity), np.ones_like(way)]
+        if len(self.knots) > LINE:  # lines are among these
+            rows = list(basis(self.velocity, np.array(self.knots)).T)
+        rows.append(self.acceleration)
         if np.isfinite(self.position).all():
             rows += [np.sin(self.position), np.cos(self.position)]
         if np.any(self.known):
@@ -273,7 +284,11 @@ class Residual:
 
 
 def residual_of(
-    parts: Sequence[Part], settled: Sequence[np.ndarray] = (), *, means_alone: bool = False
+    parts: Sequence[Part],
+    settled: Sequence[np.ndarray] = (),
+    *,
+    means_alone: bool = False,
+    knots: tuple[float, ...] = (),
 ) -> Residual | None:
     """Return the residual of a model in short means; None without samples.
 
@@ -281,6 +296,7 @@ def residual_of(
         parts: signals, measured friction, predicted torque [N.m or N] and whether they were fitted.
         settled: where friction no longer builds up, a mask for each of the first parts, (n,) each.
         means_alone: leave `wild` and `step` at 0, which need each sample.
+        knots: speeds of the fitted curve [rad/s or m/s], (k,); empty for a line.
     """
     masks_of = [*settled, *[None] * (len(parts) - len(settled))]
     masks_of = [mask for part, mask in zip(parts, masks_of, strict=True) if part[0].time.size]
@@ -311,17 +327,7 @@ def residual_of(
             off[:-1] &= ~beside
             far += int(np.count_nonzero(off))
             count += error.size
-    names = (
-        "time",
-        "position",
-        "velocity",
-        "acceleration",
-        "torque",
-        "friction",
-        "predicted",
-        "known",
-        "part",
-    )
+    names = [f.name for f in fields(Residual) if f.type == "np.ndarray"]
     joined = [
         np.concatenate(each) if len(each) > 1 else each[0] for each in map(list, zip(*columns, strict=True))
     ]
@@ -329,8 +335,9 @@ def residual_of(
     if not joined[-1].any():
         joined[-1] = joined[-2]
     return Residual(
-        **dict(zip((*names, "moving", "sliding", "settled"), joined, strict=True)),
+        **dict(zip(names, joined, strict=True)),
         period=max(1, round(MEAN * rate)) / rate,
+        knots=knots,
         wild=far / count if count else 0.0,
         step=0.0 if means_alone else min(resolution(s.torque) for s, *_ in parts),
     )
