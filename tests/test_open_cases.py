@@ -187,3 +187,27 @@ def test_a_drift_in_a_sweep_is_not_cogging(made, amplitude, gravity):
     (said,) = [w for w in friction.warnings if "drifts over the log" in w]
     assert float(said.split("by ")[1].split()[0]) == pytest.approx(2.0 / np.sqrt(12.0), rel=0.2)
     assert not any("cogging" in w for w in friction.warnings)
+
+
+def test_a_law_with_load_is_advised_where_the_log_holds_a_load_that_varies(made):
+    rng = np.random.default_rng(9)
+    joint = made.Joint(gravity=(6.0, 2.0), load_growth=0.15)
+    record = made.record(joint, made.multisine(20.0, 1.5, rng), made.Logger(rate=250.0), rng)
+    held = joint.gravity[0] * np.sin(record.position) + joint.gravity[1] * np.cos(record.position)
+    said = {}
+    for name, load in (("none", None), ("constant", np.full_like(held, 3.0)), ("held", held)):
+        log = to_log(record)
+        log = log if load is None else log.replace(load=load[:, None])
+        (friction,) = identify(log, method="motion").model.joints
+        (said[name],) = [w for w in friction.warnings if "depends on the load" in w]
+    assert "--map load=COLUMN" in said["none"] and said["constant"] == said["none"]
+    assert said["held"].endswith("use a law with load (--law m3).")
+
+
+def test_friction_that_builds_up_is_not_called_a_load_where_none_varies(made):
+    rng = np.random.default_rng([76, 7])
+    joint = made.Joint(inertia=0.4, width=0.05)
+    speeds = 1.5 * np.arange(1, 7) / 6.0
+    record = made.record(joint, made.trapezoids(speeds, 1.2, 0.2), made.Logger(rate=500.0), rng)
+    (friction,) = identify(to_log(record), method="motion").model.joints
+    assert not any("--law m3" in w or "depends on the load" in w for w in friction.warnings)

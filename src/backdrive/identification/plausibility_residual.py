@@ -14,6 +14,7 @@ from backdrive.identification.log_set import clock_unit
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import MEAN, Explanation, Residual
+from backdrive.identification.signals import varies
 from backdrive.identification.terms import GRAVITY, columns
 from backdrive.laws import CoulombViscous
 from backdrive.logs import filters
@@ -118,7 +119,8 @@ def structure(case: Case) -> Remark | None:
         "{amount:.2g} {unit}, {share:.0f} % of the friction",
         "every {wave:.2g} " + case.friction.joint.unit,
     )
-    follows_load = f"Friction depends on the load, by {share}: use a law with load (--law m3)."
+    static = _static_load(case, res)
+    follows_load = f"Friction depends on the load, by {share}: "
     changes = f"Friction changes over the log, by {share}: warming, or changed midway."
     causes: list[tuple[tuple[np.ndarray, ...], str]] = []
     for time in _times(res):
@@ -135,7 +137,7 @@ def structure(case: Case) -> Remark | None:
     if not along or isinstance(case.friction.law.rate, CoulombViscous):
         speed = np.abs(res.velocity)
         causes += [((way * np.exp(-((speed / (part * speed.max())) ** 2)),), bent) for part in BENDS]
-    causes += [((way * load,), follows_load), ((way * _static_load(case, res),), follows_load)]
+    causes += [((way * load,), follows_load), ((way * static,), follows_load)]
     differs = f"Inertia or gravity differs between the logs, by {share}: another load."
     if loads := _by_log(case, res):
         causes.append((loads, differs))
@@ -171,7 +173,8 @@ def structure(case: Case) -> Remark | None:
     if not sure:
         return slow_torque(case)
     best, sentence = max(sure, key=lambda pair: pair[0].beyond)
-    named = sentence.format(
+    advice = _of_load(case, static, best.coefficients[0], sentence) if sentence == follows_load else ""
+    named = (advice or sentence).format(
         amount=best.size,
         unit=case.unit,
         share=100.0 * best.size / size,
@@ -220,6 +223,31 @@ def _static_load(case: Case, res: Residual) -> np.ndarray:
     if angle:
         held = held + np.nan_to_num([case.value(term)[0] for term in GRAVITY]) @ columns(res, GRAVITY)
     return np.abs(held)
+
+
+def _of_load(case: Case, static: np.ndarray, growth: float, what: str) -> str:
+    """Return a sentence on friction that depends on the load, with the law for it only where the log tells its load.
+
+    Friction in gears grows with the load that stands still, and by less than that. What does not is another effect of the
+    acceleration.
+
+    Args:
+        case: of the joint.
+        static: magnitude of the static load [N.m or N], (n,).
+        growth: of the friction by the load [-].
+        what: the beginning of the sentence.
+    """
+    if not (0.0 < growth < 1.0 and varies(static)):
+        return (
+            f"{what.replace('depends on the load', 'differs while the joint accelerates')}it builds up after reversals (--law "
+            "lugre), or grows with the load of the inertia."
+        )
+    loads = [log.load if log.load is not None else log.external_torque for log in case.logs]
+    columns_of = [log.column(case.friction.joint.name) for log in case.logs]
+    known = [x is not None and varies(np.nan_to_num(x[:, k])) for x, k in zip(loads, columns_of, strict=True)]
+    if known and all(known):
+        return f"{what}use a law with load (--law m3)."
+    return f"{what}a law for it needs the load in the log (--map load=COLUMN --law m3), or sweeps about several centers."
 
 
 def slow_torque(case: Case) -> Remark | None:

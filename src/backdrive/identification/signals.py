@@ -30,6 +30,7 @@ REVERSAL = (0.03, 0.05)
 BLURRED = 0.5  # least length of a reversal on each side [period of the cutoff frequency]
 CONTINUED = 2.0  # length of a stretch's ends that do not count as sliding [period of the cutoff frequency]
 OF_A_MOVE = 0.25  # largest length of a reversal on each side, relative to the time between two reversals [-]
+VARIES = 0.1  # least span of a varying load or temperature, relative to its largest magnitude [-]
 SURELY = 0.1  # share of the top speed above which samples certainly slide [-]
 SURELY_AFTER = 0.05  # time before and after a reversal in which samples do not certainly slide [s]
 
@@ -229,6 +230,11 @@ def _load(log: Log) -> np.ndarray | None:
         return None
     external = -log.load[:, 0] if log.load is not None else log.need("external_torque")[:, 0]
     return np.column_stack([log.need("torque")[:, 0], external])
+
+
+def varies(x: np.ndarray) -> bool:
+    """Return whether a load or a temperature (n,) varies, so that a law may depend on it."""
+    return bool(np.ptp(x) > VARIES * max(float(np.abs(x).max()), 1e-12))
 
 
 def spans(mask: np.ndarray) -> np.ndarray:

@@ -34,7 +34,7 @@ from backdrive.identification.motion import identify_motion
 from backdrive.identification.motion_bins import bin_time, period_of
 from backdrive.identification.options import Options
 from backdrive.identification.result import JointEvidence
-from backdrive.identification.signals import Signals, prepare
+from backdrive.identification.signals import Signals, prepare, varies
 from backdrive.identification.smoothing import FINE, smoothing
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
 from backdrive.laws import CoulombViscous, Rigid
@@ -42,7 +42,6 @@ from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 from backdrive.model import JointFriction
 
-VARIES = 0.1  # least span of a varying load or temperature, relative to its largest magnitude [-]
 # largest mean squared error of the fit to all data, relative to the fit without held-out data [-]
 WORSE = 1.1
 # largest mean squared error in sliding of the fit to sliding alone, relative to the fit to all samples [-]
@@ -91,8 +90,8 @@ class TorqueTask(Task):
         sought = ("inertia", "offset", *pull)
         asked = dict.fromkeys((*sought, *(term for term in RIGID if term in options.bounds)))
         terms = [term for term in asked if term not in options.known]
-        self.load = all(s.load.shape[0] > 1 and _varies(s.load[:, 1]) for s in stretches)
-        self.warm = all(s.temperature.size > 1 and _varies(s.temperature) for s in stretches)
+        self.load = all(s.load.shape[0] > 1 and varies(s.load[:, 1]) for s in stretches)
+        self.warm = all(s.temperature.size > 1 and varies(s.temperature) for s in stretches)
         step = max(encoder_step(log, name) for log in logs)
         counts = 1.0 / step if step > 0.0 else None
         sizes = starts.scales(stretches, terms, info.unit, counts, known)
@@ -276,10 +275,6 @@ def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> 
             one = replace(one, torque=one.torque - signals.model_torque)
         found.append((signals, one))
     return found
-
-
-def _varies(x: np.ndarray) -> bool:
-    return bool(np.ptp(x) > VARIES * max(float(np.abs(x).max()), 1e-12))
 
 
 def _slow_reversals(stretches, length: float) -> bool:
