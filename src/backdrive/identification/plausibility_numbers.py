@@ -246,8 +246,8 @@ def delay_range(case: Case) -> Remark | None:
         return Remark(
             severity="note" if other is None else "care",
             sentence=f"The torque comes {1e3 * abs(value):.3g} ± {1e3 * error:.2g} ms {'later' if value > 0.0 else 'earlier'} than "
-            "the motion: this delay was estimated and corrected. Record both from one message, or look for a filter "
-            f"in one of them.{'' if other is None else ' What else is said below may look like a delay.'}",
+            "the motion: this delay was estimated and corrected. Record both from one message, or look for a filter in one of them, "
+            f"which delays slow motion more than fast.{'' if other is None else ' What else is said below may look like a delay.'}",
         )
     if abs(value) < spread:
         return Remark(

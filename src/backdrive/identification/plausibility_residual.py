@@ -67,9 +67,14 @@ def delay(case: Case) -> Remark | None:
     if told and abs(known) >= LARGEST_SLIP:
         return None  # `delay_range` reports it with its standard error
     way = "later" if late > 0.0 else "earlier"
+    part = (
+        f", of which {1e3 * abs(known):.0f} ms were found and corrected"
+        if counted and late * known > 0.0
+        else ""
+    )
     return Remark(
         severity="note" if told or not sure else "care",
-        sentence=f"Torque comes about {1e3 * abs(late):.0f} ms {way} than motion"
+        sentence=f"Torque comes about {1e3 * abs(late):.0f} ms {way} than motion{part}"
         + ("." if sure else ", or friction builds up over a distance: the motion does not tell which."),
     )
 
