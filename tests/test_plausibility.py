@@ -326,6 +326,27 @@ def test_a_torque_that_is_late_but_found_leaves_no_residual():
     assert len(one.warnings) == 1 and "this delay was estimated and corrected" in one.warnings[0]
 
 
+@pytest.mark.parametrize(("delay", "said"), [(0.008, False), (0.013, True)])
+def test_a_delay_of_many_samples_that_was_found_is_remarked_not_graded(delay, said):
+    level, sentences = remarks(any_motion(dry, delay=delay))
+    assert level == "good" and any("this delay was estimated and corrected" in s for s in sentences) is said
+
+
+def test_a_delay_of_which_only_a_part_was_found_is_one_number():
+    """A filter delays slow motion more than fast: the inertia shows less of it than the friction."""
+    log = any_motion(dry, noise=0.02)
+    torque = np.empty(len(log))
+    state, gain = float(log.torque[0, 0]), 1.0 - np.exp(-log.period / 0.1)
+    for k, u in enumerate(log.torque[:, 0].tolist()):
+        state += gain * (u - state)
+        torque[k] = state
+    one = identify(log.replace(torque=torque[:, None]), method="motion", accept=("time-slip",))
+    known = one.model.joints[0].delay
+    said = [s for s in one.model.joints[0].warnings if "later than" in s]
+    assert len(said) <= 1
+    assert all(f"{1e3 * known:.3g} " in s or f"of which {1e3 * known:.0f} ms were found" in s for s in said)
+
+
 def test_another_load_in_one_of_several_logs():
     logs = [any_motion(dry, inertia=j, seed=k, phase=3.0 * k) for k, j in enumerate((0.5, 0.7))]
     (said,) = identify(logs, method="motion").model.joints[0].warnings

@@ -18,6 +18,10 @@ PHASE = 0.5  # largest part of gravity that a known torque has not got, relative
 KNOWN_DELAY = 0.1  # largest relative standard error of a known delay [-]
 ONE_WAY = 0.05  # ratio of the directions' top speeds below which the motion has one direction only [-]
 UNEQUAL = 3.0  # largest ratio of the directions' friction without a remark [-]
+NOTICED = 0.01  # least delay with a remark: longer than a controller or a bus takes [s]
+NOTICED_SAMPLES = (
+    2.0  # the same: more than a torque that is held or averaged over an interval [sampling interval]
+)
 COUNTS = (
     2.0  # least number of the encoder's steps over which friction builds up, for its stiffness to be seen
 )
@@ -237,7 +241,9 @@ def delay_range(case: Case) -> Remark | None:
         )
     spread = 2.0 * error if math.isfinite(error) else 0.0
     if not abs(value) + spread >= LARGEST_SLIP:
-        return None
+        samples = max((log.period for log in case.logs), default=0.0)
+        felt = sure and abs(value) >= max(NOTICED, NOTICED_SAMPLES * samples)
+        return Remark(severity="note", sentence=_correction(value, error)) if felt else None
     shift = delay(case)
     if shift is not None and shift.severity == "care":
         return None  # the rule `delay` reports another delay that fits better
@@ -245,9 +251,7 @@ def delay_range(case: Case) -> Remark | None:
         other = structure(case)  # what else is the matter may look like a delay
         return Remark(
             severity="note" if other is None else "care",
-            sentence=f"The torque comes {1e3 * abs(value):.3g} ± {1e3 * error:.2g} ms {'later' if value > 0.0 else 'earlier'} than "
-            "the motion: this delay was estimated and corrected. Record both from one message, or look for a filter in one of them, "
-            f"which delays slow motion more than fast.{'' if other is None else ' What else is said below may look like a delay.'}",
+            sentence=f"{_correction(value, error)}{'' if other is None else ' What else is said below may look like a delay.'}",
         )
     if abs(value) < spread:
         return Remark(
@@ -265,6 +269,15 @@ def delay_range(case: Case) -> Remark | None:
         severity="care",
         sentence=f"The delay of the torque, {1e3 * value:.3g} ms, is at the edge of what is sought ({1e3 * LARGEST_SLIP:.3g} ms): "
         "it may be longer. Align the channels (`backdrive inspect`), or look for a filter in one of them.",
+    )
+
+
+def _correction(value: float, error: float) -> str:
+    """Return a sentence on a delay that was found and corrected, with its standard error [s]."""
+    way = "later" if value > 0.0 else "earlier"
+    return (
+        f"The torque comes {1e3 * abs(value):.3g} ± {1e3 * error:.2g} ms {way} than the motion: this delay was estimated and "
+        "corrected. Record both from one message, or look for a filter in one of them, which delays slow motion more than fast."
     )
 
 
