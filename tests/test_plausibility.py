@@ -7,9 +7,9 @@ import pytest
 
 from _synthetic import any_motion
 from backdrive import identify
-from backdrive.errors import InvalidInput
+from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import validate
-from backdrive.identification.alignment import is_of_joint
+from backdrive.identification.alignment import best_lag, is_of_joint
 from backdrive.identification.delay import LATE
 from backdrive.identification.lateness import delay, delay_beside_distance
 from backdrive.identification.names import same_names
@@ -179,6 +179,23 @@ def test_a_clock_that_is_not_its_plans(sound, joint):
     level, sentences = remarks(log.replace(time=1.1 * time))
     assert level == "good"
     assert "1.100 times as long as its plan" in sentences[0]
+
+
+def test_a_motion_that_is_not_its_plans_or_began_at_another_instant(sound):
+    plan = Multisine(1.2, 0.15, 1.2, 10.0, periods=2, joint="j1")
+    time = np.arange(round((plan.duration + 3.0) * 500)) / 500
+    inside = np.clip(time - 2.0, 0.0, plan.duration)
+    q, dq, ddq = (f(inside)[:, None] for f in (plan.position, plan.velocity, plan.acceleration))
+    tau = dry(dq) + 0.5 * ddq + 0.05 * np.random.default_rng(2).standard_normal(q.shape)
+    log = Log(time=time, joints=sound.joints, position=q, torque=tau)
+    for start in (0.0, 2.0, 2.02):  # 0 is no claim
+        assert not [s for s in remarks(log.replace(plan=replace(plan, start=start)))[1] if "plan" in s]
+    level, sentences = remarks(log.replace(plan=replace(plan, start=5.0)))
+    assert level == "good" and any(s.startswith("The plan began 2.00 s after") for s in sentences)
+    other = Multisine(1.2, 0.23, 1.9, 10.0, periods=2, seed=3, joint="j1")
+    assert any("did not move as planned" in s for s in remarks(log.replace(plan=other))[1])
+    with pytest.raises(NotIdentifiable, match="took 1.100 times as long"):
+        best_lag(log.replace(time=1.1 * time), plan)
 
 
 def test_a_plan_is_of_the_joint_that_it_names_or_of_the_only_one(sound):

@@ -16,6 +16,7 @@ from backdrive.logs.log import Log
 ALIKE = 0.8  # least correlation of planned and measured velocity [-]
 # least distance of a second start, relative to the plan, and its least correlation, relative to the best [-]
 APART, EQUAL = 0.05, 0.98
+OFF = 0.02  # relative deviation of the duration from the plan above which there is a remark [-]
 MOST = 1 << 19  # largest number of grid points for the lag
 
 FEWEST_REVERSALS = 4  # least number of reversals that motion and plan have in common
@@ -85,6 +86,31 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
         InvalidInput: the plan does not command positions, or the log has no clock.
         NotIdentifiable: even at the best lag, the velocities hardly correlate.
     """
+    lag, alike, other = closest_lag(log, plan)
+    if not alike >= ALIKE:
+        took, remedy = (
+            "",
+            "Link the log to the plan that was run, give --start SECONDS, or leave the plan out.",
+        )
+        own = next((name for name in log.names if is_of_joint(log.replace(plan=plan), name)), None)
+        ran = None if own is None else tempo(log, own, plan)
+        if ran is not None and abs(ran.duration - 1.0) > OFF:
+            took = f". By the log's clock the motion took {ran.duration:.3f} times as long as the plan"
+            remedy = "Correct the clock (--map t=FACTOR*COLUMN), plan the speed that was run, or leave the plan out."
+        raise NotIdentifiable(
+            f"The log does not contain the motion of its plan: the velocities correlate by {max(alike, 0.0):.2f} "
+            f"at most{took}.",
+            remedy=remedy,
+        )
+    return lag, alike, other
+
+
+def closest_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
+    """Return the same as `best_lag`, however little the velocities correlate.
+
+    Raises:
+        InvalidInput: the plan does not command positions, or the log has no clock.
+    """
     from scipy.signal import correlate  # a slow import, which few logs need
 
     if getattr(plan, "commands", "") != "position":
@@ -121,13 +147,23 @@ def best_lag(log: Log, plan: Any) -> tuple[float, float, float | None]:
             best = ((lag + _vertex(product, at)) * step, alike)
             equal = apart.any() and product[rival] > EQUAL * product[at]
             other = (rival - (instants.size - 1)) * step if equal else None
-    if not best[1] >= ALIKE:
-        raise NotIdentifiable(
-            f"The log does not contain the motion of its plan: the velocities correlate by {max(best[1], 0.0):.2f} "
-            f"at most.",
-            remedy="Link the log to the plan that was run, give --start SECONDS, or leave the plan out.",
-        )
     return (*best, other)
+
+
+def likeness(log: Log, joint: str, plan: Any) -> float:
+    """Return the correlation of the planned and the measured velocity of a joint, at the start that the plan has [-].
+
+    Args:
+        log: with position or velocity.
+        joint: name.
+        plan: of this joint, an object of `backdrive.plans` that commands positions.
+    """
+    own = log.select(joint)
+    step = max(own.period, (own.duration + plan.duration) / MOST)
+    measured = _velocity(own, 0, step)
+    planned = np.ravel(plan.velocity(own.time[0] + step * np.arange(measured.size)))
+    size = float(np.sqrt((measured @ measured) * (planned @ planned)))
+    return float(measured @ planned) / size if size > 0.0 else 0.0
 
 
 def is_of_joint(log: Log, joint: str) -> bool:

@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 
 from backdrive.errors import BackdriveError
-from backdrive.identification.alignment import is_of_joint, tempo
+from backdrive.identification.alignment import ALIKE, OFF, closest_lag, is_of_joint, likeness, tempo
 from backdrive.identification.auto import own_turn
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.remark import Case, Remark
@@ -16,7 +16,6 @@ from backdrive.identification.user_delay import contradiction
 from backdrive.logs import health
 from backdrive.logs.log import Log
 
-OFF = 0.02  # relative deviation of the duration from the plan above which there is a remark [-]
 ANOTHER_UNIT = 1.5  # ratio of the strokes of motion and plan, or its inverse, that indicates another unit [-]
 SCALED = 0.1  # relative deviation of the stroke from the plan above which there is a remark [-]
 FLAT = 0.03  # least share of samples at an extreme of the torque with a remark [-]
@@ -24,13 +23,17 @@ APART = 0.05  # least relative difference of velocity and change of position wit
 
 
 def plan(case: Case) -> Remark | None:
-    """Remark on a motion whose duration or stroke differs from that of the log's plan."""
+    """Remark on a motion that is not that of the log's plan, or whose start, duration or stroke differs from it."""
     name = case.friction.joint.name
     for log in case.logs:
         part = own_turn(log, name)
         if part.plan is None or not is_of_joint(part, name):
             continue
         ran = tempo(part, name, part.plan)
+        placed = part.plan is log.plan and log.plan.start != 0.0
+        sentence = _apart(part, name, ran is None) if ran is None or placed else None
+        if sentence is not None:
+            return Remark(severity="note", sentence=sentence)
         if ran is None:
             continue
         if abs(ran.duration - 1.0) > OFF:
@@ -47,6 +50,33 @@ def plan(case: Case) -> Remark | None:
                 "plan was scaled.",
             )
     return None
+
+
+def _apart(log: Log, joint: str, whole: bool) -> str | None:
+    """Return a sentence on a joint that did not run its plan, or not at the start that the plan has; None if it did.
+
+    Args:
+        log: linked to the plan of the joint.
+        joint: its name.
+        whole: also say that it did not run it at all.
+    """
+    if getattr(log.plan, "commands", "") != "position" or not log.period > 0.0:
+        return None
+    lag, alike, _ = closest_lag(log.select(joint), log.plan)
+    if not alike >= ALIKE:
+        return (
+            f"The joint did not move as planned: measured and planned velocity correlate by {max(alike, 0.0):.2f} at most. "
+            "Another plan was run, or this is not its joint."
+            if whole
+            else None
+        )
+    start = log.plan.start - float(log.time[0])
+    if not start or (stated := likeness(log, joint, log.plan)) >= ALIKE * alike:
+        return None
+    return (
+        f"The plan began {lag:.2f} s after the first sample by the motion (correlation {alike:.2f}), not {start:.4g} s after it "
+        f"(correlation {stated:.2f}): --start {lag:.2f}, or auto."
+    )
 
 
 def flat_torque(case: Case) -> Remark | None:
