@@ -286,7 +286,17 @@ def test_a_plan_that_was_not_run_is_named():
 
 def test_a_torque_computed_without_friction_is_remarked():
     log = any_motion(lambda v: 0.0 * v, seconds=20.0, inertia=2.0)
-    assert [f.severity for f in check(log) if f.name == "no-friction"] == ["note"]
+    (found,) = [f for f in check(log) if f.name == "no-friction"]
+    assert found.severity == "note" and "spring" not in found.sentence and "computed" in found.remedy
+
+
+def test_ramps_of_a_joint_that_sticks_are_not_called_useless():
+    time = np.arange(12000) / 250.0
+    torque = 2.0 * np.sin(0.5 * time)
+    noise = 0.01 * np.random.default_rng(3).standard_normal(time.size)
+    log = Log(time=time, joints=(Joint(name="j1"),), position=torque / 1500.0, torque=torque + noise)
+    (found,) = [f for f in check(log) if f.name == "no-friction"]
+    assert "like a spring of 1.5e+03 N.m/rad" in found.sentence and "--method ramp" in found.remedy
 
 
 real = pytest.mark.skipif("BACKDRIVE_DATA" not in os.environ, reason="real logs are absent")
