@@ -7,6 +7,8 @@ from backdrive.identification.ramp import presliding
 from backdrive.logs.log import Joint, Log
 from backdrive.model import FrictionModel, load_model
 from backdrive.plans import TorqueRamp
+from backdrive.report.entries import entries
+from backdrive.report.words import term
 from backdrive.simulation.machines import joint_0, setup_a
 from backdrive.simulation.open_loop import simulate
 
@@ -146,3 +148,14 @@ def test_a_model_of_ramps_with_noise_is_saved_and_loaded(tmp_path):
     assert all(type(value) is float for value in (*friction.validity.load, *friction.validity.velocity))
     FrictionModel(joints=(friction,)).save(tmp_path / "m.json")
     assert load_model(tmp_path / "m.json").joints[0].validity == friction.validity
+
+
+def test_the_onset_of_slip_is_not_called_coulomb_friction():
+    friction, _ = identify_ramp([simulate(JOINT_0, TorqueRamp(9.0, 2.0))], "joint_0")
+    names = [entry.name for entry in entries(friction, knots=False)]
+    assert any(name.startswith("onset of slip") for name in names)
+    assert not any("Coulomb" in name for name in names)
+    assert {term(name) for name in friction.dynamics} >= {
+        "presliding stiffness, secant up to the slip",
+        "presliding stiffness, where a branch begins",
+    }

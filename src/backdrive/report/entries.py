@@ -67,6 +67,8 @@ def entries(friction: JointFriction, *, knots: bool) -> list[Entry]:
                 continue
             value, error = getattr(part, name), friction.standard_errors.get(name)
             words, mark, names = term(name), parameter.symbol, {name}
+            if friction.method == "ramp":  # it ends where the joint begins to slip
+                words = words.replace("Coulomb friction", "onset of slip")
             if name in equal:
                 other = equal[name]
                 error = larger(error, friction.standard_errors.get(other))

@@ -35,6 +35,8 @@ TERMS = {
     "coulomb_negative": "Coulomb friction along \u2212q",
     "viscous_positive": "viscous coefficient along +q",
     "viscous_negative": "viscous coefficient along \u2212q",
+    "presliding_stiffness": "presliding stiffness, secant up to the slip",
+    "presliding_stiffness_tangent": "presliding stiffness, where a branch begins",
     "positive": "along +q",
     "negative": "along \u2212q",
 }
