@@ -18,7 +18,7 @@ from backdrive.logs.quantiles import quantile
 GAP = 3.5  # sampling interval above which there is a gap, without interpolation across it [period]
 EVEN = 1e-6  # largest deviation of a clock that is taken as it is [sampling interval]
 SMOOTHER = 0.25  # largest roughness of a motion at even instants, relative to that at its stamps, for which these are late [-]
-LATEST = 2.0  # largest error of stamps about even instants: more is a lost sample [sampling interval]
+LATEST = 2.0  # largest error of stamps about even instants, and interval: more is a lost sample [sampling interval]
 SHORTEST = 50  # least number of samples of a stretch between gaps
 BLUNT = 15.0  # cutoff frequency below which a low pass may blur the motion of a servo [Hz]
 REST = 0.002  # share of the top speed below which a joint may be at rest [-]
@@ -198,7 +198,8 @@ def uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
     if n == len(log) and (off := float(np.max(np.abs(clock - log.time)))) < 0.05 * period:
         return log.time if off < EVEN * period else clock, log
     even = np.linspace(log.time[0], log.time[-1], len(log))
-    if np.max(np.abs(even - log.time)) < LATEST * period and stamps_vary_alone(log, even):
+    longest = max(float(np.max(np.abs(even - log.time))), float(np.max(np.diff(log.time))))
+    if longest < LATEST * period and stamps_vary_alone(log, even):
         return even, log.replace(time=even)
     channels = {k: np.interp(clock, log.time, v[:, 0])[:, None] for k, v in log.channels.items()}
     return clock, log.replace(time=clock, wrench=None, **channels)
