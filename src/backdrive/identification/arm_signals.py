@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification.clock import between_gaps
 from backdrive.identification.delay import earlier
-from backdrive.identification.signals import SHORTEST, between_gaps
+from backdrive.identification.signals import SHORTEST
 from backdrive.logs import filters
 from backdrive.logs.joint import coupling_between
 from backdrive.logs.log import Log

@@ -327,15 +327,15 @@ def residual_of(
             off[:-1] &= ~beside
             far += int(np.count_nonzero(off))
             count += error.size
-    names = [f.name for f in fields(Residual) if f.type == "np.ndarray"]
     joined = [
         np.concatenate(each) if len(each) > 1 else each[0] for each in map(list, zip(*columns, strict=True))
     ]
     rate = float(np.median([s.rate for s, *_ in parts]))
     if not joined[-1].any():
         joined[-1] = joined[-2]
+    names = (f.name for f in fields(Residual))  # the arrays come first, as above
     return Residual(
-        **dict(zip(names, joined, strict=True)),
+        **dict(zip(names, joined, strict=False)),
         period=max(1, round(MEAN * rate)) / rate,
         knots=knots,
         wild=far / count if count else 0.0,

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from backdrive.identification.clock import between_gaps, uniform
 from backdrive.identification.motion_error import MotionError, mean_error, motion_error
-from backdrive.identification.signals import between_gaps, default_cutoff, uniform
+from backdrive.identification.signals import default_cutoff
 from backdrive.logs.filters import fade, fft_length, power_gain, spectrum_of
 from backdrive.logs.log import Log
 

@@ -1,0 +1,54 @@
+"""The clock of a log: its stretches without a gap, and the even instants of each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.logs.log import Log
+
+GAP = 3.5  # sampling interval above which there is a gap, without interpolation across it [period]
+EVEN = 1e-6  # largest deviation of a clock that is taken as it is [sampling interval]
+SMOOTHER = 0.25  # largest roughness of a motion at even instants, relative to that at its stamps, for which these are late [-]
+LATEST = 2.0  # largest error of stamps about even instants, and interval: more is a lost sample [sampling interval]
+
+
+def between_gaps(time: np.ndarray, period: float, least: int) -> list[slice]:
+    """Return the stretches without a gap.
+
+    Args:
+        time: instants [s], (n,).
+        period: sampling interval [s].
+        least: samples that a stretch must have.
+    """
+    cuts = np.flatnonzero(np.diff(time) > GAP * period) + 1
+    bounds = [0, *cuts.tolist(), time.size]
+    return [slice(a, b) for a, b in zip(bounds, bounds[1:], strict=False) if b - a >= least]
+
+
+def uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
+    """Return a uniform clock, and the log interpolated onto it if its own clock is not uniform.
+
+    Stamps that vary about even instants may be those of the samples, or only late: which of them shows in the motion.
+    """
+    n = round(log.duration / period) + 1
+    clock = log.time[0] + period * np.arange(n)
+    if n == len(log) and (off := float(np.max(np.abs(clock - log.time)))) < 0.05 * period:
+        return log.time if off < EVEN * period else clock, log
+    even = np.linspace(log.time[0], log.time[-1], len(log))
+    longest = max(float(np.max(np.abs(even - log.time))), float(np.max(np.diff(log.time))))
+    if longest < LATEST * period and stamps_vary_alone(log, even):
+        return even, log.replace(time=even)
+    channels = {k: np.interp(clock, log.time, v[:, 0])[:, None] for k, v in log.channels.items()}
+    return clock, log.replace(time=clock, wrench=None, **channels)
+
+
+def stamps_vary_alone(log: Log, clock: np.ndarray) -> bool:
+    """Return whether a motion is far smoother at even instants than at its stamps: the samples were even, and the stamps late.
+
+    Args:
+        log: of one joint, of as many samples as the clock.
+        clock: even instants [s], (n,).
+    """
+    motion = log.need("velocity" if log.position is None else "position")[:, 0]
+    rough = [float(np.sum(np.diff(x, 3) ** 2)) for x in (motion, np.interp(clock, log.time, motion))]
+    return rough[0] < SMOOTHER * rough[1]
