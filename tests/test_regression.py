@@ -149,3 +149,15 @@ def test_a_falling_line_is_no_negative_viscosity():
     law = curves.to_law(form, np.array([2.0, 1.0]))
     assert law.rate.NAME == "polyline"
     assert float(law.torque(0.5)) == 1.5
+
+
+def test_a_column_of_one_block_alone_is_left_out_with_it():
+    rng = np.random.default_rng(4)
+    X, block = rng.standard_normal((400, 3)), np.repeat(np.arange(8), 50)
+    X[block != 5, 2] = 0.0
+    X[block == 6, 2] = 1e-195  # as whitening leaves behind a bin
+    y = X @ [1.0, -2.0, 3.0] + 0.1 * rng.standard_normal(400)
+    whole, without = regression.solutions(regression.accumulate(X, y, np.ones(400), block, 8))
+    assert whole == pytest.approx([1.0, -2.0, 3.0], abs=0.05)
+    assert without[:, :2] == pytest.approx(np.tile([1.0, -2.0], (8, 1)), abs=0.05)
+    assert abs(without[5, 2]) < 10.0 and np.delete(without[:, 2], 5) == pytest.approx(3.0, abs=0.1)

@@ -74,14 +74,16 @@ PIECE = 4096  # number of rows that are multiplied together
 RIDGE = 1e-13  # ridge weight in scaled normal equations, which keeps undetermined directions small [-]
 
 
-def solve(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
+def solve(gram: np.ndarray, moment: np.ndarray, size: np.ndarray | None = None) -> np.ndarray:
     """Solve normal equations scaled to unit columns.
 
     Args:
         gram: X'X, (..., p, p).
         moment: X'y, (..., p).
+        size: squared length that a column has where it is determined, (p,); None: that of each gram.
     """
-    scale = np.sqrt(np.maximum(gram.diagonal(axis1=-2, axis2=-1), 1e-300))
+    size = gram.diagonal(axis1=-2, axis2=-1) if size is None else size
+    scale = np.sqrt(np.maximum(size, 1e-300))
     scaled = np.divide(gram, scale[..., :, None] * scale[..., None, :], order="C")
     scaled.reshape(-1, gram.shape[-1] ** 2)[:, :: gram.shape[-1] + 1] += RIDGE  # the diagonals
     if gram.ndim == 2:  # the common case, without the overhead of numpy
@@ -256,7 +258,7 @@ def solutions(blocks: Blocks) -> tuple[np.ndarray, np.ndarray]:
     grams[0], moments[0] = gram, moment
     np.subtract(gram, blocks.gram, out=grams[1:])
     np.subtract(moment, blocks.moment, out=moments[1:])
-    every = solve(grams, moments)
+    every = solve(grams, moments, gram.diagonal())  # a column of one block alone is undetermined without it
     return every[0], every[1:]
 
 
