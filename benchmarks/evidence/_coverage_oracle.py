@@ -91,7 +91,7 @@ def oracle(records: Sequence[Record], terms: Terms, kind: str = "jump") -> Oracl
     """
     k = terms.knots.size
     X = np.vstack([_whitened(record, terms, kind) for record in records])
-    scale = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    scale = np.maximum(np.linalg.norm(X, axis=0), 1e-150)
     covariance = np.linalg.pinv((X / scale).T @ (X / scale), rcond=1e-12) / np.outer(scale, scale)
     quantile = float(stats.t.ppf(0.975, terms.freedom)) if terms.freedom > 0 else np.inf
     curve = np.sqrt(np.maximum(np.diag(covariance), 0.0))
