@@ -16,7 +16,6 @@ from backdrive.cli._output import echo, print_json
 from backdrive.cli._payload import center_from, check_options, print_payload
 from backdrive.cli._progress import progress
 from backdrive.cli._targets import check_targets
-from backdrive.logs.readers._map_parts import without_channels
 
 COMPARED = (
     "tau_ext",
@@ -139,6 +138,7 @@ def command(
     from backdrive.external import estimate_force, estimate_payload
     from backdrive.external.explanation import ACCEPT
     from backdrive.identification.repairs import healthy
+    from backdrive.logs.readers._map_parts import without_channels
 
     if output is not None and output.suffix not in (".csv", ".parquet"):
         raise InvalidInput(

@@ -50,7 +50,7 @@ def _pull(friction: JointFriction, signals: Signals) -> np.ndarray | float:
         raise _cannot(friction, "gravity", "position", "q")
     if not terms:
         return 0.0
-    return np.array([friction.dynamics[term].value for term in terms]) @ columns(signals, terms)
+    return np.einsum("p,pn->n", [friction.dynamics[term].value for term in terms], columns(signals, terms))
 
 
 def load_torque(friction: JointFriction, signals: Signals) -> np.ndarray | None:
