@@ -65,9 +65,11 @@ def delay_signals(signals: Signals, delay: float) -> Signals:
     """Return signals with motion and load delayed by a time [s]; torque and model torque are not shifted."""
     if not delay:
         return signals
-    moved = delay_motion(signals, delay)
-    jerk, sliding = earlier(signals.jerk, delay * signals.rate), _delay_sliding(signals, delay)
-    return replace(moved, jerk=jerk, sliding=sliding).with_pull_of(moved)
+    return replace(
+        delay_motion(signals, delay),
+        jerk=earlier(signals.jerk, delay * signals.rate),
+        sliding=_delay_sliding(signals, delay),
+    )
 
 
 def _delay_sliding(signals: Signals, delay: float) -> np.ndarray:
@@ -90,14 +92,13 @@ def delay_motion(signals: Signals, delay: float) -> Signals:
     if not delay:
         return signals
     samples = delay * signals.rate
-    moved = replace(
+    return replace(
         signals,
         velocity=earlier(signals.velocity, samples),
         acceleration=earlier(signals.acceleration, samples),
         position=None if signals.position is None else earlier(signals.position, samples),
         load=None if signals.load is None else np.ascontiguousarray(earlier(signals.load.T, samples).T),
     )
-    return moved.with_pull_of(signals, lambda wave: earlier(wave, samples))
 
 
 def torque_between(signals: Signals, delay: float) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -76,7 +75,7 @@ class Signals:
             return self
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         cut = replace(self, **{k: v[part] for k, v in arrays.items() if isinstance(v, np.ndarray)})
-        return cut.with_pull_of(self, lambda wave: wave[part])
+        return cut.with_pull_of(self, part)
 
     @cached_property
     def moves(self) -> np.ndarray:
@@ -93,12 +92,10 @@ class Signals:
                 vars(self)["_pull"] = kept
         return kept
 
-    def with_pull_of(
-        self, other: Signals, change: Callable[[np.ndarray], np.ndarray] = np.asarray
-    ) -> Signals:
-        """Return itself, with what a change makes of the sine and cosine of another's position, if they are known."""
+    def with_pull_of(self, other: Signals, part: slice = slice(None)) -> Signals:
+        """Return itself, with the sine and cosine of another's position if these are known and part of it is the same."""
         if (kept := vars(other).get("_pull")) is not None:
-            vars(self)["_pull"] = change(kept[0]), change(kept[1])
+            vars(self)["_pull"] = kept[0][part], kept[1][part]
         return self
 
 
