@@ -53,9 +53,7 @@ def _qualities(
             group = slice(first, first + at_once)
             series = [tau if hat is None else tau - hat for hat in every[group]]
             masked = [x * inside for x in series]
-            total[1, group] += [
-                np.einsum("n,n", x, x) for x in masked
-            ]  # the same bits on any number of threads
+            total[1, group] += [np.einsum("n,n", x, x) for x in masked]
             slow, share, weight = _slow(masked, inside, rate, share)
             total[0, group] += [np.einsum("n,n,n", x, weight, x) for x in slow]
         count += int(np.count_nonzero(mask))
