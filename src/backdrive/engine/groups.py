@@ -19,6 +19,7 @@ from backdrive._jit import specialise
 from backdrive.laws import kernels
 
 BLOCK = 128  # ticks
+LONGER = 4096  # ticks of a block without a state, of which the first-level cache holds the motion alone
 ROW = BLOCK + 6  # not a power of two: reads would then wait for writes to addresses with the same last bits
 TOGETHER = 8  # lanes whose states advance side by side; their work arrays for one block hardly exceed the first-level cache
 
@@ -49,17 +50,18 @@ def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -
         rate: kind of the rate law.
         element: kind of the element.
         plain: the law neither grows with the load nor differs by direction.
-        tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check.
+        tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check; without a state the check costs nothing.
         together: lanes of a group, at most TOGETHER.
     """
     stateless = int(holds(element))  # a name alone: the other branch ends before types are inferred
 
     def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
+        block = LONGER if stateless else BLOCK
         for first in range(0, which.size, together):
             count = min(together, which.size - first)
-            for start in range(0, dp.shape[1], BLOCK):
-                stop, last = min(start + BLOCK, dp.shape[1]), -1
+            for start in range(0, dp.shape[1], block):
+                stop, last = min(start + block, dp.shape[1]), -1
                 for j in range(count):
                     i = which[first + j]
                     m, p, place = motion[i], P[i], 1 + int(P[i, 0])
