@@ -230,6 +230,13 @@ def choose(
     return Choice(joint=joint, candidates=table, chosen=simple.name, reason=reason, unit=unit)
 
 
+def ties(choice: Choice) -> list[Fit]:
+    """Return the fits of the laws that explain the held-out data as well as the chosen one."""
+    one = choice.candidate()
+    others = [c for c in choice.candidates if c is not one and c.shown and np.isfinite(c.held_out)]
+    return [c.fit for c in others if c.fit is not None and not _worth(c, one) and not _worth(one, c)]
+
+
 def _comparable_error(candidate: Candidate) -> float:
     """Return the held-out error to six digits, so that rounding does not decide between two forms of one law."""
     return float(f"{candidate.held_out:.6g}")

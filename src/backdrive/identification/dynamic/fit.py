@@ -46,6 +46,7 @@ class Fit:
         problem: the fitted problem, for predictions.
         found: the end of the search, for profiles and bootstraps.
         loss: name of the minimised loss.
+        misfit: what the law misses, as a part of the covariance of the search coordinates (`misfit`), (P, P); None: not judged.
     """
 
     law: Law
@@ -66,6 +67,7 @@ class Fit:
     problem: Problem = field(repr=False)
     found: SearchResult = field(repr=False)
     loss: str
+    misfit: np.ndarray | None = field(repr=False, default=None)
 
     @property
     def axis(self) -> Axis:

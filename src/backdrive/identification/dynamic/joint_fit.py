@@ -18,6 +18,7 @@ from backdrive.identification.dynamic import choice as choice_
 from backdrive.identification.dynamic import directions
 from backdrive.identification.dynamic.choice import Candidate, Choice
 from backdrive.identification.dynamic.fit import Fit
+from backdrive.identification.dynamic.misfit import with_misfit
 from backdrive.identification.dynamic.progress import WHOLE, Work, size_of
 from backdrive.identification.dynamic.stopping import result_or_none
 from backdrive.identification.dynamic.unknowns import LawShape
@@ -168,6 +169,8 @@ def fit_joint(task: Task) -> JointFit:
     final, remarks = best, list(task.remarks)
     if not stopped:
         final, stopped = _final(task, best, work, remarks)
+    if not stopped:
+        final = with_misfit(final, best, choice_.ties(choice))
     work.end()
     ends, done = final.intervals_until_stop(
         "covariance" if stopped else options.interval,

@@ -165,7 +165,7 @@ def band(final: Fit, velocity: np.ndarray) -> np.ndarray:
         law = final.problem.shape.law(final.problem.values(moved))
         columns.append((law.torque(velocity) - centre) / step)
     J = np.array(columns).T
-    inner = cov.matrix[np.ix_(at, at)]
+    inner = cov.matrix[np.ix_(at, at)] + (0.0 if final.misfit is None else final.misfit[np.ix_(at, at)])
     return np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", J, inner, J), 0.0))
 
 

@@ -1,0 +1,119 @@
+"""Stated 95 % intervals of a law's parameters where the law is not quite that of the joint, by an independent generator.
+
+The joints (`_independent.py`) have a Stribeck peak, and cross zero by an elastoplastic bristle or a smooth curve; no law of the
+package is exactly that. `identify` is asked for Stribeck's law, and to choose one (`auto`). Of every parameter that is stated with
+an error, and means the same in both: the share of truths inside the 95 % interval, and the share beyond three stated errors. With
+errors of noise alone, a third of the break-away friction of chosen laws lies beyond.
+
+Not counted: a law whose break-away friction is said to be impossible, and numbers that are said not to be identifiable.
+
+    python benchmarks/evidence/law_errors.py --jobs 8
+"""
+
+from __future__ import annotations
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import multiprocessing
+from collections import Counter, defaultdict
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from _common import Judge, first_seed, parser
+from _coverage_cells import to_log
+from _coverage_conditions import draw, logger
+from _independent import Record, multisine, record
+
+from backdrive import identify
+from backdrive.errors import BackdriveError
+
+INSIDE, BEYOND = 0.85, 0.10  # least share inside the 95 % interval, largest share beyond three errors
+WHOLE = 120  # logs of a whole run
+FEWEST = 30  # numbers below which a row is not judged
+SECONDS, RATES = 30.0, (200.0, 500.0, 1000.0)
+LAWS = ("stribeck-gauss", "auto")
+
+
+def made(seed: int) -> Record:
+    """Return the log of a joint with a Stribeck peak."""
+    rng = np.random.default_rng([29, seed])
+    top = rng.uniform(1.0, 3.0)
+    joint = draw(rng, top)
+    peak = joint.coulomb * rng.uniform(0.2, 0.7)
+    joint = replace(joint, peak=peak, peak_speed=top * 10.0 ** rng.uniform(-1.5, -0.7))
+    rate = float(rng.choice(RATES))
+    return record(joint, multisine(SECONDS, top, rng), logger(joint, rng, rate=rate), rng)
+
+
+def numbers(job: tuple[int, str]) -> tuple[str, str, list[tuple[str, float, float]]]:
+    """Return what was asked for, what came of it, and name, error and half of the interval of every number."""
+    seed, law = job
+    log = made(seed)
+    joint = log.joint
+    try:
+        result = identify(to_log(log), law=law)
+    except BackdriveError as error:
+        return law, f"refused: {error.message[:40]}", []
+    friction = result.model.joints[0]
+    if any("physically impossible" in said for said in friction.warnings):
+        return law, "said to be impossible", []
+    rate: Any = friction.law.rate
+    truth = {"coulomb": joint.coulomb, "viscous": joint.viscous, "inertia": joint.inertia}
+    if rate.NAME.startswith("stribeck"):
+        truth |= {"breakaway": joint.coulomb + joint.peak}
+    if rate.NAME == "stribeck-gauss":
+        truth |= {"stribeck_velocity": joint.peak_speed}
+    if rate.NAME not in ("stribeck-gauss", "stribeck-tustin"):
+        truth = {"inertia": joint.inertia}  # other numbers mean something else
+    silent = {name for name in truth if any(f"'{name}' is not identifiable" in w for w in friction.warnings)}
+    values = {**friction.law.rate.values(), "inertia": friction.dynamics["inertia"].value}
+    intervals = result.intervals[friction.joint.name]
+    found = []
+    for name, true in truth.items():
+        if name in silent or name not in intervals:
+            continue
+        low, high = intervals[name]
+        half = high - values[name] if true > values[name] else values[name] - low
+        found.append((name, float(values[name] - true), float(half)))
+    return law, f"{rate.NAME}+{friction.law.element.NAME}", found
+
+
+def main() -> None:
+    """Identify every log, print the tables, judge them."""
+    options = parser(__doc__)
+    options.add_argument("--logs", type=int, default=WHOLE, help="logs")
+    options.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
+    options.add_argument("--seed", type=int, help="first seed; a fresh one by default")
+    asked = options.parse_args()
+    count = min(asked.logs, 6) if asked.short else asked.logs
+    first, judge = first_seed(asked.seed), Judge()
+    jobs = [(first + k, law) for k in range(count) for law in LAWS]
+    rows: dict[tuple[str, str], list[tuple[float, float]]] = defaultdict(list)
+    outcome: dict[str, Counter[str]] = defaultdict(Counter)
+    numbers(jobs[0])  # compiles before the processes part
+    with multiprocessing.get_context("fork").Pool(asked.jobs) as pool:
+        for law, what, found in pool.imap_unordered(numbers, jobs):
+            outcome[law][what] += 1
+            for name, error, half in found:
+                rows[law, name].append((error, half))
+    for law, counts in outcome.items():
+        print(f"{law}: {', '.join(f'{n} {what}' for what, n in counts.most_common())}")
+    for (law, name), row in sorted(rows.items()):
+        error, half = np.array(row).T
+        inside, beyond = np.mean(np.abs(error) <= half), np.mean(np.abs(error) > 3.0 / 1.96 * half)
+        sentence = f"{law}, {name}: {100 * inside:.0f} % of {len(row)} inside, {100 * beyond:.0f} % beyond three errors"
+        if len(row) < FEWEST:
+            print(f"        {sentence} (too few to judge)")
+        else:
+            judge.that(
+                f"{sentence} (at least {100 * INSIDE:.0f} %, at most {100 * BEYOND:.0f} %)",
+                bool(inside >= INSIDE and beyond <= BEYOND),
+            )
+    judge.end()
+
+
+if __name__ == "__main__":
+    main()
