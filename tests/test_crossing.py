@@ -57,3 +57,22 @@ def test_a_joint_that_breaks_away_at_nothing_is_not_good():
         found.warnings[0].startswith("Break-away friction") and "physically impossible" in found.warnings[0]
     )
     assert grade(found).level == "care"
+
+
+def test_a_law_that_breaks_away_at_nothing_is_not_chosen():
+    """Friction that changes its sign over a range of speeds is fitted best by a law with hardly any friction at rest."""
+    t = np.arange(round(16.0 * RATE)) / RATE
+    w = 2.0 * np.pi * np.array([0.13, 0.31])
+    q = (np.array([0.3, 0.1]) * np.sin(np.outer(t, w))).sum(axis=1)
+    v = np.gradient(q, t)
+    noise = 0.02 * np.random.default_rng(4).standard_normal(t.size)
+    tau = 0.2 * np.gradient(v, t) + 2.0 * np.tanh(v / 0.03) + 0.5 * v + noise
+    log = Log(time=t, joints=(Joint(name="a"),), position=q[:, None], torque=tau[:, None])
+    names = "coulomb-viscous", "stribeck-gauss+hayward-armstrong"
+    found = identify(log, law=names)
+    (choice,) = found.choices
+    tried = {c.name: c for c in choice.candidates}
+    assert tried[names[1]].held_out < tried[names[0]].held_out
+    assert "impossible: break-away below Coulomb friction" in tried[names[1]].remark
+    assert choice.chosen == names[0]
+    assert found.model.joints[0].law.rate.values()["coulomb_positive"] == pytest.approx(2.0, abs=0.04)

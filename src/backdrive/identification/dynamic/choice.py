@@ -44,7 +44,8 @@ class Candidate:
         remark: why the fit failed, or the parameters that it does not determine.
         fit: None if it failed.
         windows: mean squared error of each held-out window, for paired comparison.
-        shown: False if the law has presliding that the data do not determine; then a law without presliding is preferred.
+        shown: False if the law has presliding that the data do not determine, or breaks away below Coulomb friction, which is
+            impossible; then another law is preferred.
     """
 
     name: str
@@ -179,10 +180,11 @@ def shows_presliding(shape: LawShape, unseen: Iterable[str], at_bound: Iterable[
     return first not in hidden
 
 
-def remark(unseen: Iterable[str]) -> str:
-    """Return the parameters that a fit does not determine, in a few words."""
+def remark(unseen: Iterable[str], possible: bool = True) -> str:
+    """Return the parameters that a fit does not determine, and whether its law is impossible, in a few words."""
     plain = list(dict.fromkeys(n.partition("[")[0] for n in unseen))
-    return f"not determined: {', '.join(plain)}" if plain else ""
+    hidden = [f"not determined: {', '.join(plain)}"] if plain else []
+    return "; ".join([*([] if possible else ["impossible: break-away below Coulomb friction"]), *hidden])
 
 
 def choose(

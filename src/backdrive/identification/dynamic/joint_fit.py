@@ -17,6 +17,7 @@ from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
 from backdrive.identification.dynamic import choice as choice_
 from backdrive.identification.dynamic import directions
 from backdrive.identification.dynamic.choice import Candidate, Choice
+from backdrive.identification.dynamic.crossing import slips_too_early
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.misfit import with_misfit
 from backdrive.identification.dynamic.progress import WHOLE, Work, size_of
@@ -91,7 +92,7 @@ class Task(ABC):
         """Return the mean squared error on the fitted data, and the number of samples."""
 
     def shows(self, one: Fit) -> bool:
-        """Return whether the records determine a law's presliding; otherwise a law without presliding is preferred."""
+        """Return whether the records determine a law's presliding and the law is possible; otherwise another law is preferred."""
         return True
 
     def differs(self, one: Fit) -> bool:
@@ -252,7 +253,7 @@ def _candidate(task: Task, law: str, begun: float) -> Candidate:
         held_out=float(np.sqrt(squares.mean())) if squares.size else np.nan,
         aic=count * np.log(max(square, 1e-300)) + 2 * len(one.problem.unknowns),
         seconds=clock.perf_counter() - begun,
-        remark=choice_.remark(one.unseen),
+        remark=choice_.remark(one.unseen, not slips_too_early(one.values)),
         shown=task.shows(one),
         fit=one,
         windows=squares,

@@ -196,8 +196,9 @@ class TorqueTask(Task):
         return sliding(self.judges, one.values.get("delay", 0.0))
 
     def shows(self, one: Fit) -> bool:
-        """Return whether the motion shows a law's presliding."""
-        return choice.shows_presliding(one.problem.shape, one.unseen, one.at_bound)
+        """Return whether the motion shows a law's presliding, and the law is possible: it breaks away above Coulomb friction."""
+        possible = is_bounded(self.options.bounds) or not slips_too_early(one.values)
+        return possible and choice.shows_presliding(one.problem.shape, one.unseen, one.at_bound)
 
     def differs(self, one: Fit) -> bool:
         """Return whether parameters for each direction may lower the error enough, to first order."""
