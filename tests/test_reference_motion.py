@@ -10,8 +10,9 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, delay, design, dynamics, motion_bins, noise, regression
 from backdrive.identification.delay_bins import DelayStretch
 from backdrive.identification.evidence import verdict
-from backdrive.identification.motion import as_friction, identify_motion, with_warnings
+from backdrive.identification.motion import identify_motion
 from backdrive.identification.motion_bins import bin_means
+from backdrive.identification.motion_friction import as_friction, with_warnings
 from backdrive.identification.plausibility import remarks
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.identification.signals import SLOW, prepare

@@ -24,34 +24,34 @@ from backdrive.identification.delay import delay_signals, sliding_in_step
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.evidence import constant_beside, evidence, parts_of, sentences, without_errors
 from backdrive.identification.jerk import clear_jerk
+from backdrive.identification.misses import Misses, misses_of
 from backdrive.identification.model_torque import LEFT_OUT, leave_out
 from backdrive.identification.motion_bins import (
     BIN_TIME,
     FILLED,
     HALF,
+    LONG_ENOUGH,
     Bins,
     bin_means,
     bin_time,
     moves,
     slowest_sliding,
 )
+from backdrive.identification.motion_friction import as_friction, with_warnings
 from backdrive.identification.path import along_path, without_gravity
 from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
-from backdrive.identification.remark import ONE_WAY_ONLY
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import after_build_up, build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
 from backdrive.identification.slip import FEW, Slip, fix_slip, response, search_slip, with_slip
 from backdrive.identification.smoothing import smoothing
-from backdrive.identification.terms import estimates
 from backdrive.identification.user_delay import describe
 from backdrive.identification.whitening import WHITE, Colour
 from backdrive.identification.windows import windows_of
-from backdrive.logs.log import Joint, Log
+from backdrive.logs.log import Log
 from backdrive.logs.quantiles import quantile
-from backdrive.model import Covariance, JointFriction, Validity
-from backdrive.model.covariance import errors_by_parameter
+from backdrive.model import JointFriction
 
 SHORT, FEW_TURNS = 4.0, 4  # least duration of motion [s] and least number of reversals without a remark
 LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
@@ -137,13 +137,20 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     def simplest(slip: Slip, bins: Bins):
         return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow))
 
-    def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float]:
+    def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float, Misses]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
         false = smooth.error.in_acceleration(corner, rate, width, slip.colour)
         choice = design.refit(design.fit(blocks, candidate, loss), blocks.without_noise(false))
         bins = bins.map_columns(candidate.spread)
         left = bins.y - bins.X @ choice.coefficients
-        return replace(choice, covariance=noise.covariance_of_fit(bins.X, left, bins.used)), bins, lowest
+        missed = misses_of(replace(raw, used=bins.used), choice, lowest)
+        missed = replace(missed, seen=max(lowest, bins.slowest(LONG_ENOUGH / seconds)))
+        return (
+            replace(choice, covariance=noise.covariance_of_fit(bins.X, left, bins.used)),
+            bins,
+            lowest,
+            missed,
+        )
 
     rate = stretches[0].rate
     corner, width = smooth.cutoff or default_cutoff(rate), max(1, round(seconds * rate))
@@ -186,16 +193,16 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, colour=WHITE)
     try:
-        choice, bins, slowest = choose(slip, average(shift(slip.delay, slid)))
+        choice, bins, slowest, missed = choose(slip, average(shift(slip.delay, slid)))
     except NotIdentifiable:  # too little is left without the build-up
         slid = stretches
-        choice, bins, slowest = choose(slip, average(shift(slip.delay, slid)))
+        choice, bins, slowest, missed = choose(slip, average(shift(slip.delay, slid)))
     if slip.is_fitted(coarse):
         later = average(shift(slip.delay + slip.error, slid), choice.candidate.spread)
         later = replace(later, used=bins.used).whiten(slip.colour)
         choice = with_slip(choice, response(bins, later, choice.coefficients), slip)
         del later
-    choice = with_bends(design.offset_apart(choice))
+    choice = missed.on(with_bends(design.offset_apart(choice)))
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     slowest = curves.past_rise(friction.law, slowest)
     friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))
@@ -231,12 +238,13 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     )
     k = len(choice.candidate.terms)
     of_curve = curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:])
+    of_curve = missed.beside(of_curve) if choice.candidate.form.knots.size == 2 else of_curve
     if open_:
         friction, of_curve = without_errors(friction), lambda velocity: np.full(velocity.shape, np.nan)
     support = evidence(
         friction,
         parts + of_others,
-        curves.widen_below(friction.law, slowest, of_curve),
+        curves.widen_below(friction.law, max(slowest, missed.seen), of_curve),
         settled=[sliding_in_step(s, friction.delay) for s in slid],
     )
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
@@ -288,63 +296,3 @@ def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], s
         (count < LEAST_MOVES, f"the joint made only {count} moves"),
         (error > slip.least, f"the delay of the torque {late}"),
     )
-
-
-def as_friction(
-    choice: design.Choice,
-    coefficients: np.ndarray,
-    joint: Joint,
-    velocity: tuple[float, float],
-    delay: float = 0.0,
-) -> JointFriction:
-    """Return the joint's friction for coefficients of the chosen candidate, fitted to motion with a given delay [s]."""
-    candidate = choice.candidate
-    k = len(candidate.terms)
-    law = curves.to_law(candidate.form, coefficients[k:])
-    parameters, of_law = curves.sensitivity(candidate.form, law)
-    terms = [("time_slip" if term == "jerk" else term) for term in candidate.terms]
-    size = [
-        1.0 / coefficients[candidate.terms.index("inertia")] if term == "jerk" else 1.0
-        for term in candidate.terms
-    ]
-    spread = np.zeros((k + len(parameters), coefficients.size))
-    spread[:k, :k], spread[k:, k:] = np.diag(size), of_law
-    names, covariance = (*terms, *parameters), spread @ choice.covariance @ spread.T
-    errors = errors_by_parameter(names, covariance)
-    values = {
-        term: (value * s, errors[term]) for term, value, s in zip(terms, coefficients, size, strict=False)
-    }
-    if "time_slip" in values:
-        values["time_slip"] = values["time_slip"][0] + delay, values["time_slip"][1]
-    return JointFriction(
-        joint=joint,
-        law=law,
-        standard_errors={name: e for name, e in errors.items() if name not in terms},
-        dynamics=estimates(values, joint.unit),
-        covariance=Covariance.of(names, covariance),
-        validity=Validity(velocity=velocity),
-        method="motion",
-    )
-
-
-def with_warnings(friction: JointFriction, choice: design.Choice, both_directions: bool) -> JointFriction:
-    """Return the result with warnings on what makes it suspect."""
-    symmetric, apart = choice.candidate.form.symmetric, "offset" in choice.candidate.terms
-    warnings = sentences(
-        (not both_directions, ONE_WAY_ONLY),
-        (
-            not symmetric and apart,
-            "Friction at rest was taken as equal in both directions, and the constant torque that is left as an offset: "
-            "the data cannot tell the two apart.",
-        ),
-        (
-            not symmetric and not apart,
-            "A constant bias torque (cable, current offset, gravity) cannot be told from friction that differs by "
-            "direction; it is part of the identified friction.",
-        ),
-        (
-            choice.condition > 1e4,
-            f"The motion separates the terms poorly (condition number {choice.condition:.1e}).",
-        ),
-    )
-    return replace(friction, warnings=warnings)

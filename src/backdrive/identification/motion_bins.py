@@ -56,6 +56,12 @@ class Bins:
         """Return the same bins, of which only those at a speed [rad/s or m/s] or above are used."""
         return replace(self, used=self.used & (self.speed >= speed))
 
+    def slowest(self, count: float) -> float:
+        """Return the speed below which so many used bins lie, at most half of them [rad/s or m/s]; 0 without any."""
+        speeds = self.speed[self.used]
+        least = min(round(count), speeds.size // 2)
+        return float(np.partition(speeds, least)[least]) if speeds.size else 0.0
+
     def whiten(self, colour: Colour) -> Bins:
         """Return bins transformed so that their noise is white and of the same size.
 
