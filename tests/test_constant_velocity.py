@@ -144,3 +144,22 @@ def test_a_start_and_an_encoders_noise_leave_a_run_what_it_is():
         pytest.approx(1.5, abs=0.01),
         pytest.approx(0.4, abs=0.01),
     )
+
+
+def test_a_straight_line_is_not_sure_where_a_peak_begins():
+    """A slowest speed alone shows the peak, so that a line suffices; its error there counts what it misses."""
+
+    def peaked(v):
+        return np.sign(v) * (3.0 + 0.4 * np.exp(-((v / 0.05) ** 2)) + 0.5 * np.abs(v))
+
+    far = []
+    for truth in (peaked, lambda v: np.sign(v) * (3.0 + 0.5 * np.abs(v))):
+        _, evidence = identify_constant_velocity(
+            constant_runs(truth, SPEEDS), "j1", symmetric=True, law="coulomb-viscous"
+        )
+        v, torque, error = evidence.curve.velocity, evidence.curve.torque, evidence.curve.standard_error
+        at = np.argmin(np.abs(v - SPEEDS[0]))
+        far.append(abs(torque[at] - truth(v[at])) / error[at])
+        middle = np.argmin(np.abs(v - 0.6))
+        assert error[middle] < 0.1 * error[at] or truth is not peaked
+    assert max(far) < 2.5

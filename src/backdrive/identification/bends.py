@@ -16,16 +16,29 @@ from backdrive.identification.design import Choice
 
 def with_bends(choice: Choice) -> Choice:
     """Return a choice whose errors at the knots count what line sections miss of a bent curve."""
-    knots, k = choice.candidate.form.knots, len(choice.candidate.terms)
-    if knots.size < 3:
-        return choice
-    bend, n = shortfall(knots), knots.size
+    k = len(choice.candidate.terms)
     covariance = choice.covariance.copy()
-    for first in range(k, choice.coefficients.size, n):
-        way = slice(first, first + n)
-        short = (bend @ choice.coefficients[way]) ** 2 - np.diag(bend @ choice.covariance[way, way] @ bend.T)
-        covariance[way, way] += np.diag(np.maximum(short, 0.0))
+    covariance[k:, k:] += bend_covariance(choice.candidate.form.knots, choice.coefficients[k:], covariance[k:, k:])
     return replace(choice, covariance=covariance)
+
+
+def bend_covariance(knots: np.ndarray, coefficients: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Return the covariance of what line sections miss of one curve, or of one each way, (r, r); 0 for a straight line.
+
+    Args:
+        knots: speeds, ascending [rad/s or m/s], (n,).
+        coefficients: torques at the knots, of one curve after the other [N.m or N], (r,).
+        covariance: of the coefficients, (r, r).
+    """
+    added, n = np.zeros_like(covariance), knots.size
+    if n < 3:
+        return added
+    bend = shortfall(knots)
+    for first in range(0, coefficients.size, n):
+        way = slice(first, first + n)
+        short = (bend @ coefficients[way]) ** 2 - np.diag(bend @ covariance[way, way] @ bend.T)
+        added[way, way] = np.diag(np.maximum(short, 0.0))
+    return added
 
 
 def shortfall(knots: np.ndarray) -> np.ndarray:

@@ -14,7 +14,9 @@ from scipy.special import fdtrc
 
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, regression
+from backdrive.identification.bends import bend_covariance
 from backdrive.identification.evidence import curve, sentences, verdict
+from backdrive.identification.misses import Misses
 from backdrive.identification.result import JointEvidence, Samples
 from backdrive.identification.runs import LEAST_RUNS, Run, find_runs, gravity_of, without_gravity
 from backdrive.identification.terms import GRAVITY, estimates
@@ -25,6 +27,7 @@ from backdrive.model.covariance import errors_by_parameter
 SECTIONS = (1, 2, 3, 4, 5, 6)  # tried numbers of line sections per direction
 DIFFERENT = 0.1  # probability by which noise scatters the runs as much, below which they differ otherwise [-]
 MOST_WITHIN = 10.0  # degrees of freedom by which the noise within the runs counts
+SAME = 1.05  # largest ratio of the speeds of two runs that count as one speed [-]
 CHANCE = 0.01  # probability of rejecting a straight line by chance [-]
 ROUNDING = 1e-20  # share of the torque's mean square below which a misfit is ignored [-]
 
@@ -126,10 +129,12 @@ def identify_constant_velocity(
     form, X, left_out = tried[sections]
     theta = regression.solve(X.T @ X, X.T @ y)
     covariance = _covariance(X, y - X @ theta, within)
+    slow = _slow_miss(v, y - X @ theta, X.shape[1])
+    r = form.spread.shape[1]
+    covariance[:r, :r] += bend_covariance(form.knots, theta[:r], covariance[:r, :r])
     if gravity:  # gravity's error is common to all runs
         common = regression.invert(X.T @ X) @ X.T @ pulls
         covariance = covariance + common @ gravity[1] @ common.T
-    r = form.spread.shape[1]
     curve_values, apart, rest = theta[:r], np.eye(r, theta.size), np.eye(theta.size)[r:]
     if theta.size == r and not form.symmetric and curve_values.min() < 0.0:
         # friction cannot drive the joint: a driving torque is gravity or a bias
@@ -158,7 +163,7 @@ def identify_constant_velocity(
         method="constant-velocity",
         warnings=_warnings(runs, both, directional, "offset" in values, about),
     )
-    of_curve, slowest = curves.error_of_curve(form, curve_covariance), float(np.abs(v).min())
+    of_curve, slowest = slow.beside(curves.error_of_curve(form, curve_covariance)), float(np.abs(v).min())
     samples = Samples(
         time=np.array([r.start for r in runs]),
         position=np.full(v.size, np.nan),
@@ -174,6 +179,25 @@ def identify_constant_velocity(
         curve=curve(friction, curves.widen_below(found, slowest, of_curve)),
         verdict=f"{verdict(friction)} {remark}",
     )
+
+
+def _slow_miss(velocity: np.ndarray, residual: np.ndarray, unknowns: int) -> Misses:
+    """Return what a curve misses at the slowest runs, where a Stribeck peak may begin; less the noise, and none at the next speed.
+
+    Args:
+        velocity: of the runs [rad/s or m/s], (n,).
+        residual: of their torques [N.m or N], (n,).
+        unknowns: number of fitted numbers.
+    """
+    speed, freedom = np.abs(velocity), max(velocity.size - unknowns, 1)
+    slowest = speed <= SAME * speed.min()
+    if slowest.all():
+        return Misses(speeds=np.zeros((2, 1)), sizes=np.zeros((2, 1)))
+    noise = float(residual @ residual) / freedom / np.count_nonzero(slowest)
+    mean = float(np.mean((np.sign(velocity) * residual)[slowest]))
+    speeds = np.array([speed[slowest].mean(), speed[~slowest].min()])
+    sizes = np.array([np.sqrt(max(mean**2 - noise, 0.0)), 0.0])
+    return Misses(speeds=np.tile(speeds, (2, 1)), sizes=np.tile(sizes, (2, 1)))
 
 
 def _covariance(X: np.ndarray, residual: np.ndarray, within: np.ndarray) -> np.ndarray:
