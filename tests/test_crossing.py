@@ -76,3 +76,16 @@ def test_a_law_that_breaks_away_at_nothing_is_not_chosen():
     assert "impossible: break-away below Coulomb friction" in tried[names[1]].remark
     assert choice.chosen == names[0]
     assert found.model.joints[0].law.rate.values()["coulomb_positive"] == pytest.approx(2.0, abs=0.04)
+
+
+def test_a_line_is_sure_only_from_the_speed_on_at_which_it_was_fitted():
+    result = identify(log_of(2e-3, peak=1.0, noise=0.03), law="coulomb-viscous")
+    found, curve = result.model.joints[0], result.evidence[0].curve
+    lowest, v = found.validity.lowest_speed, np.abs(curve.velocity)
+    assert 0.08 * v.max() <= lowest < 0.2 * v.max()
+    truth = 2.0 + np.exp(-((v / 0.3) ** 2)) + 0.5 * v
+    z = (np.abs(curve.torque) - truth) / curve.standard_error
+    assert np.abs(z).max() < 4.0
+    assert curve.standard_error[np.argmin(v)] > 0.2 * 2.0  # at rest, a peak is possible
+    peaked = identify(log_of(2e-3, peak=1.0, noise=0.03), law="stribeck-gauss").evidence[0].curve
+    assert peaked.standard_error[np.argmin(np.abs(peaked.velocity))] < 0.3  # the law describes it

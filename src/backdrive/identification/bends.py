@@ -18,7 +18,9 @@ def with_bends(choice: Choice) -> Choice:
     """Return a choice whose errors at the knots count what line sections miss of a bent curve."""
     k = len(choice.candidate.terms)
     covariance = choice.covariance.copy()
-    covariance[k:, k:] += bend_covariance(choice.candidate.form.knots, choice.coefficients[k:], covariance[k:, k:])
+    covariance[k:, k:] += bend_covariance(
+        choice.candidate.form.knots, choice.coefficients[k:], covariance[k:, k:]
+    )
     return replace(choice, covariance=covariance)
 
 

@@ -70,13 +70,26 @@ def misses_of(bins: Bins, choice: Choice, slowest: float) -> Misses:
     """
     of_all = choice.candidate.spread @ choice.coefficients
     way = np.sign(bins.X[:, len(COLUMNS) :] @ of_all[len(COLUMNS) :])
-    along = way * (bins.y - bins.X @ of_all)
     rows = np.flatnonzero(bins.used & (way != 0.0))
-    run = np.cumsum(np.r_[True, (np.diff(rows) > 1) | (np.diff(way[rows]) != 0.0)][: rows.size]) - 1
-    speed, way, along = bins.speed[rows], way[rows], along[rows]
-    sides = [np.ones(rows.size, dtype=bool)]
-    if not choice.candidate.form.symmetric:
-        sides = [way > 0.0, way < 0.0]
+    left = (bins.y - bins.X @ of_all)[rows]
+    return misses_at(rows, way[rows] * bins.speed[rows], left, slowest, choice.candidate.form.symmetric)
+
+
+def misses_at(
+    rows: np.ndarray, velocity: np.ndarray, left: np.ndarray, slowest: float, symmetric: bool
+) -> Misses:
+    """Return what a curve misses at velocities, from its residual there.
+
+    Args:
+        rows: numbers of bins or samples, ascending; a pass goes on in consecutive ones, (n,).
+        velocity: other than 0 [rad/s or m/s], (n,).
+        left: measured minus predicted torque [N.m or N], (n,).
+        slowest: speed from which on the curve is fitted [rad/s or m/s].
+        symmetric: the curve is the same both ways.
+    """
+    way, speed = np.sign(velocity), np.abs(velocity)
+    run = np.cumsum(np.r_[True, (np.diff(rows) > 1) | (np.diff(way) != 0.0)][: rows.size]) - 1
+    sides = [np.ones(rows.size, dtype=bool)] if symmetric else [way > 0.0, way < 0.0]
     ends = [_end_of_slowest(speed[side], run[side]) for side in sides]
     if not max(ends) < speed.max(initial=0.0):
         return Misses(speeds=np.zeros((2, 1)), sizes=np.zeros((2, 1)))
@@ -87,7 +100,7 @@ def misses_of(bins: Bins, choice: Choice, slowest: float) -> Misses:
     middle = np.bincount(group, speed, count + 1) / np.maximum(np.bincount(group, minlength=count + 1), 1)
     middle = np.where(middle > 0.0, middle, np.sqrt(edges[1:] * edges[:-1]))
     edge = max(int(np.searchsorted(middle, EDGE * slowest)), 1)
-    found = [_sizes(along[side], group[side], run[side], count + 1, edge) for side in sides]
+    found = [_sizes((way * left)[side], group[side], run[side], count + 1, edge) for side in sides]
     return Misses(speeds=np.tile(middle, (2, 1)), sizes=np.array([found[0], found[-1]]))
 
 

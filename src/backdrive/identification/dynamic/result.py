@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from backdrive.identification.curves import SHARES
+from backdrive.identification.curves import SHARES, widen_below
+from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.covariance import search_covariance
 from backdrive.identification.dynamic.crossing import sliding_only
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import Stretch
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.evidence import evidence
-from backdrive.identification.motion_bins import slowest_sliding
+from backdrive.identification.misses import misses_at
+from backdrive.identification.motion_bins import LONG_ENOUGH, slowest_sliding
 from backdrive.identification.quality import judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import RIGID, estimates
+from backdrive.laws import CoulombViscous
 from backdrive.logs.log import Joint
 from backdrive.model import Covariance, Estimate, JointFriction, Validity
 
@@ -57,6 +61,8 @@ def finish(
     dynamics = estimates(sought, joint.unit) | dict(given)
     tests = [s for _, s in unseen]
     judges = tests or stretches
+    slowest = slowest_sliding([s for s, _ in pairs], float(np.abs(v).max()) * np.array(SHARES))
+    slowest = max(slowest, slowest_of(final))
     friction = JointFriction(
         joint=joint,
         law=final.law,
@@ -68,7 +74,7 @@ def finish(
             velocity=(float(min(low, 0.0)), float(max(high, 0.0))),
             load=_span(load),
             nominal_load=float(np.abs(np.concatenate(load)).mean()) if load else None,
-            lowest_speed=slowest_sliding([s for s, _ in pairs], float(np.abs(v).max()) * np.array(SHARES)),
+            lowest_speed=slowest,
             temperature=_span(warmth),
         ),
         fitted=judge(
@@ -93,7 +99,43 @@ def finish(
         known = 0.0 if signals.model_torque is None else signals.model_torque
         rest = tau - final.predict([s], friction=True)[0] + known
         parts.append((signals, s.torque + known - rest, tau + known, seen))
-    return friction, evidence(friction, parts, lambda velocity: band(final, velocity))
+    return friction, evidence(friction, parts, error_of_curve(final, slowest))
+
+
+def error_of_curve(final: Fit, slowest: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Return the function from velocities to the standard error of the steady curve [N.m or N].
+
+    That of a straight line counts what the line misses at a speed. Below the slowest sliding, a Stribeck peak is possible, unless
+    the law describes one, or rest.
+
+    Args:
+        final: the fit.
+        slowest: speed of sliding that was fitted [rad/s or m/s].
+    """
+    of_curve = partial(band, final)
+    if not final.law.element.SET_VALUED or any(name.startswith("breakaway") for name in final.values):
+        return of_curve
+    stretches = getattr(final.problem, "stretches", ())
+    if isinstance(final.law.rate, CoulombViscous) and stretches:
+        late, begin = final.values.get("delay", 0.0), np.cumsum([0, *(len(s.torque) + 1 for s in stretches)])
+        rows = [b + np.flatnonzero(s.judged) for b, s in zip(begin, stretches, strict=False)]
+        velocity = [earlier(s.velocity, late / s.dt)[s.judged] for s in stretches]
+        moves = (joined := np.concatenate(velocity)) != 0.0
+        alike = final.law.rate.coulomb_positive == final.law.rate.coulomb_negative
+        error = np.concatenate(final.errors())[moves]
+        of_curve = misses_at(np.concatenate(rows)[moves], joined[moves], -error, slowest, alike).beside(
+            of_curve
+        )
+    return widen_below(final.law, slowest, of_curve)
+
+
+def slowest_of(final: Fit) -> float:
+    """Return the speed from which on enough samples were fitted, of a fit to sliding alone [rad/s or m/s]; 0 of another one."""
+    stretches = [s for s in getattr(final.problem, "stretches", ()) if s.only_sliding]
+    if not stretches:
+        return 0.0
+    speeds = np.sort(np.concatenate([np.abs(s.velocity[s.judged]) for s in stretches]))
+    return float(speeds[min(round(LONG_ENOUGH / stretches[0].dt), speeds.size // 2)])
 
 
 def errors(final: Fit) -> dict[str, Any]:
