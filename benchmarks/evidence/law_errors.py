@@ -4,7 +4,7 @@ The joints (`_independent.py`) have a Stribeck peak, and cross zero by an elasto
 package is exactly that. `identify` is asked for Stribeck's law, and to choose one (`auto`). Of every parameter that is stated with
 an error, and means the same in both: the share of truths inside the 95 % interval, and the share beyond three stated errors. With
 errors of noise alone, a third of the break-away friction of chosen laws lies beyond. The same of the curve that `identify` finds by
-motion, from the lowest speed that it states on: of a log's slow speeds, below a tenth of the top speed, and of the others.
+motion, and of a straight line, from the lowest speed that it states on: of slow speeds, below a tenth of the top one, and others.
 
 Not counted: a law whose break-away friction is said to be impossible, and numbers that are said not to be identifiable.
 
@@ -34,10 +34,11 @@ from backdrive.errors import BackdriveError
 INSIDE, BEYOND = 0.80, 0.10  # least share inside the 95 % interval, largest share beyond three errors
 WHOLE = 120  # logs of a whole run
 FEWEST = 30  # numbers below which a row is not judged
-MOTION, SLOW = "curve by motion", 0.1  # below this share of the top speed a speed is slow [-]
-CROSSED = 3.0  # widths of a smooth crossing of zero, below which its level is no sliding friction [-]
+SLOW = 0.1  # below this share of the top speed a speed is slow [-]
+CROSSED = 4.0  # widths of a smooth crossing of zero, below which its level is no sliding friction [-]
 SECONDS, RATES = 30.0, (200.0, 500.0, 1000.0)
-LAWS = ("stribeck-gauss", "auto", MOTION)
+CURVES = {"curve by motion": {"method": "motion"}, "curve of a line": {"law": "coulomb-viscous"}}
+LAWS = ("stribeck-gauss", "auto", *CURVES)
 
 
 def made(seed: int) -> Record:
@@ -56,8 +57,8 @@ def numbers(job: tuple[int, str]) -> tuple[str, str, list[tuple[str, float, floa
     seed, law = job
     log = made(seed)
     joint = log.joint
-    if law == MOTION:
-        return law, *of_curve(log)
+    if law in CURVES:
+        return law, *of_curve(log, CURVES[law])
     try:
         result = identify(to_log(log), law=law)
     except BackdriveError as error:
@@ -86,11 +87,11 @@ def numbers(job: tuple[int, str]) -> tuple[str, str, list[tuple[str, float, floa
     return law, f"{rate.NAME}+{friction.law.element.NAME}", found
 
 
-def of_curve(log: Record) -> tuple[str, list[tuple[str, float, float]]]:
+def of_curve(log: Record, options: dict[str, str]) -> tuple[str, list[tuple[str, float, float]]]:
     """Return the curve's law, and name, error and half of the interval of every speed."""
     joint = log.joint
     try:
-        result = identify(to_log(log), method="motion")
+        result = identify(to_log(log), **options)
     except BackdriveError as error:
         return f"refused: {error.message[:40]}", []
     friction, curve = result.model.joints[0], result.evidence[0].curve
