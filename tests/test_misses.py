@@ -82,3 +82,16 @@ def test_misses_lie_between_ranges_and_go_on_beyond():
     np.testing.assert_allclose(one.at(np.array([0.05, 0.2, 0.5, -0.1, -0.3])), [1.0, 0.5, 0.0, 0.5, 0.3])
     wide = one.beside(lambda v: np.full(v.size, 0.3))
     np.testing.assert_allclose(wide(np.array([0.2])), [np.hypot(0.3, 0.5)])
+
+
+def test_a_peak_below_the_speeds_of_the_curve_is_said():
+    """The joint passes slow speeds too shortly to be fitted there, but often enough to show a peak."""
+
+    def said(peak: float, seed: int) -> list[str]:
+        warnings = identify(recorded(peak, 0.06, seed=seed), method="motion").model.joints[0].warnings
+        return [w for w in warnings if "a Stribeck peak. Add slow motion" in w]
+
+    for seed in range(3):
+        (sentence,) = said(2.0, seed)
+        assert "higher than the curve" in sentence
+        assert said(0.0, seed) == []

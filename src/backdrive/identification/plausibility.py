@@ -45,6 +45,7 @@ RULES: tuple[Rule, ...] = (
     residual.structure,
     laws.break_away,
     laws.vague_level,
+    residual.slow_peak,
     residual.torque_steps,
     residual.encoder_steps,
     residual.wild_samples,

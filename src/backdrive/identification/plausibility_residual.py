@@ -31,6 +31,9 @@ BENT = 0.03  # least bend beyond a straight line that lowers the grade, relative
 LEFT = 0.1  # largest slow residual without a remark, relative to the friction [-]
 WORTH = 0.96  # largest residual after correction of the delay for a remark, relative to that before [-]
 MOST_LOGS = 6  # largest number of stretches whose loads are compared
+SLOWER = 0.25  # speed below which friction changes its sign, relative to the lowest speed of the curve [-]
+FEWEST_PASSES, SURE_PEAK = 8, 4.0  # of slow motion, and least significance of a peak there [standard error]
+HIGHER = 0.05  # least height of a peak with a remark, relative to the friction [-]
 WILD = 3e-3  # largest share of outliers without a remark [-]
 COARSE = 0.25  # largest step of the measured torque without a remark, relative to the friction [-]
 FEW_STEPS = 0.3  # largest encoder step without a remark, relative to the travel in `MEAN` at top speed [-]
@@ -76,6 +79,31 @@ def delay(case: Case) -> Remark | None:
         severity="note" if told or not sure else "care",
         sentence=f"Torque comes about {1e3 * abs(late):.0f} ms {way} than motion{part}"
         + ("." if sure else ", or friction builds up over a distance: the motion does not tell which."),
+    )
+
+
+def slow_peak(case: Case) -> Remark | None:
+    """Remark on friction that is higher than the curve at speeds too slow, or passed too quickly, for the fit of the curve."""
+    res, lowest = case.residual, case.friction.validity.lowest_speed
+    if res is None or not lowest or case.friction.method != "motion":
+        return None
+    speed = np.abs(res.velocity)
+    rows = np.flatnonzero(res.moving & (speed < lowest) & (speed > SLOWER * lowest))
+    along = (res.torque_error * np.sign(res.velocity))[rows]
+    passes = np.cumsum(np.diff(rows, prepend=-2) > 1) - 1
+    count = int(passes[-1]) + 1 if rows.size else 0
+    if count < FEWEST_PASSES:
+        return None
+    mean = float(along.mean())
+    scatter = np.bincount(passes, along - mean)
+    error = math.sqrt(float(scatter @ scatter) * count / (count - 1)) / rows.size
+    if not mean > max(SURE_PEAK * error, HIGHER * res.size):
+        return None
+    return Remark(
+        severity="note",
+        sentence=f"Slower than {lowest:.2g} {case.friction.joint.unit}/s, where the curve was not fitted, friction is about "
+        f"{mean:.2g} {case.unit} ({100.0 * mean / res.size:.0f} %) higher than the curve: a Stribeck peak. Add slow motion, or fit "
+        "a law that has one (--law stribeck-gauss).",
     )
 
 
