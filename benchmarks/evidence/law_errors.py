@@ -2,9 +2,9 @@
 
 The joints (`_independent.py`) have a Stribeck peak, and cross zero by an elastoplastic bristle or a smooth curve; no law of the
 package is exactly that. `identify` is asked for Stribeck's law, and to choose one (`auto`). Of every parameter that is stated with
-an error, and means the same in both: the share of truths inside the 95 % interval, and the share beyond three stated errors. With
-errors of noise alone, a third of the break-away friction of chosen laws lies beyond. The same of the curve that `identify` finds by
-motion, and of a straight line, from the lowest speed that it states on: of slow speeds, below a tenth of the top one, and others.
+an error, and means the same in both: the share of truths inside the 95 % interval, and the share beyond three stated errors. The
+same of the curve that `identify` finds by motion, and of a straight line, from the lowest speed that it states on: of slow speeds,
+below a tenth of the top one, and others.
 
 Not counted: a law whose break-away friction is said to be impossible, and numbers that are said not to be identifiable.
 

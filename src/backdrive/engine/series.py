@@ -105,12 +105,9 @@ class Lanes:
 
         motion = np.ascontiguousarray(motion, dtype=np.int64)
         fastest = 0.5 * kernels.FASTEST * dt
-        tame = any(
-            not groups.holds(kinds[1]) for kinds, *_ in self._groups
-        )  # others check each velocity anyway
-        tame = tame and bool(
-            np.vdot(dp, dp) <= fastest * fastest
-        )  # so no increment is larger; a NaN is not tame
+        # so no increment is larger; a NaN is not tame; laws without a state check each velocity, and need not read the motion twice
+        asked = not all(groups.holds(kinds[1]) for kinds, *_ in self._groups)
+        tame = asked and bool(np.vdot(dp, dp) <= fastest * fastest)
         parts = [
             (
                 self._loop(kinds, lanes, motion, tame),
@@ -138,8 +135,8 @@ class Lanes:
         if groups.serves(element):
             alone = len(lanes) == 1 and not groups.holds(element)
             together = 1 if alone else groups.TOGETHER
-            checked = groups.holds(element) or not tame
-            return groups.in_groups(rate, element, plain, not checked, together), groups.work
+            tame = tame and not groups.holds(element)
+            return groups.in_groups(rate, element, plain, tame, together), groups.work
         wide = kernels.ROWS >> element & 1 or not plain or self.rows.shape[1] > loops.COLUMNS
         if len(lanes) < loops.FEWEST or wide:
             return loops.one_by_one(*kinds, tame), loops.work

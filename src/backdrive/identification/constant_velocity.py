@@ -16,7 +16,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, regression
 from backdrive.identification.bends import bend_covariance
 from backdrive.identification.evidence import curve, sentences, verdict
-from backdrive.identification.misses import Misses
+from backdrive.identification.misses import NOTHING, Misses
 from backdrive.identification.result import JointEvidence, Samples
 from backdrive.identification.runs import LEAST_RUNS, Run, find_runs, gravity_of, without_gravity
 from backdrive.identification.terms import GRAVITY, estimates
@@ -192,7 +192,7 @@ def _slow_miss(velocity: np.ndarray, residual: np.ndarray, unknowns: int) -> Mis
     speed, freedom = np.abs(velocity), max(velocity.size - unknowns, 1)
     slowest = speed <= SAME * speed.min()
     if slowest.all():
-        return Misses(speeds=np.zeros((2, 1)), sizes=np.zeros((2, 1)))
+        return NOTHING
     noise = float(residual @ residual) / freedom / np.count_nonzero(slowest)
     mean = float(np.mean((np.sign(velocity) * residual)[slowest]))
     speeds = np.array([speed[slowest].mean(), speed[~slowest].min()])

@@ -60,6 +60,9 @@ class Misses:
         return replace(choice, covariance=covariance)
 
 
+NOTHING = Misses(speeds=np.zeros((2, 1)), sizes=np.zeros((2, 1)))
+
+
 def misses_of(bins: Bins, choice: Choice, slowest: float) -> Misses:
     """Return what a fitted curve misses.
 
@@ -92,7 +95,7 @@ def misses_at(
     sides = [np.ones(rows.size, dtype=bool)] if symmetric else [way > 0.0, way < 0.0]
     ends = [_end_of_slowest(speed[side], run[side]) for side in sides]
     if not max(ends) < speed.max(initial=0.0):
-        return Misses(speeds=np.zeros((2, 1)), sizes=np.zeros((2, 1)))
+        return NOTHING
     top, first = float(speed.max()), max(RATIO * slowest, *ends)
     count = max(int(np.log(top / first) / np.log(RATIO)), 1)
     edges = np.r_[0.0, first * (top / first) ** (np.arange(count + 1) / count)]

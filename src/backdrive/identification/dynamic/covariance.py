@@ -99,7 +99,7 @@ def _noise_covariance(J: np.ndarray, residual: np.ndarray, weight: np.ndarray, a
     value, vector = np.linalg.eigh(J.T @ J)
     seen = value > LEAST * value.max()
     spread = vector / np.sqrt(np.maximum(value, 1e-14 * value.max()))  # J @ spread has orthonormal columns
-    n, begin, most = int(at[-1] - at[0]) + 1, at - at[0], float(weight.max())
+    n, begin = int(at[-1] - at[0]) + 1, at - at[0]
     Z, score, used = np.zeros((n, int(seen.sum()))), np.zeros(n), np.zeros(n, dtype=bool)
     Z[begin], score[begin], used[begin] = J @ spread[:, seen], weight * residual, True
     power = float(score @ score)
@@ -108,9 +108,14 @@ def _noise_covariance(J: np.ndarray, residual: np.ndarray, weight: np.ndarray, a
     inner = power / len(at) * np.eye(len(value))  # of directions that the data do not determine
     known, independent = noise.covariance_of_scores(Z, score, used, np.eye(Z.shape[1]))
     inner[np.ix_(seen, seen)] = known
-    rise = most * float(np.mean(weight >= ALMOST * most))  # mean slope of the score over the residual
-    covariance = spread @ inner @ spread.T / max(rise, noise.LEAST) ** 2
+    covariance = spread @ inner @ spread.T / slope_of_scores(weight) ** 2
     return regression.widen_covariance(covariance, independent - Z.shape[1])
+
+
+def slope_of_scores(weight: np.ndarray) -> float:
+    """Return the mean slope of a score over its residual, from the weights of the residuals, (m,)."""
+    most = float(weight.max())
+    return max(most * float(np.mean(weight >= ALMOST * most)), noise.LEAST)
 
 
 def _excess(

@@ -17,7 +17,7 @@ import numpy as np
 from backdrive.identification import noise
 from backdrive.identification.curves import PEAK
 from backdrive.identification.dynamic import words
-from backdrive.identification.dynamic.covariance import inverse
+from backdrive.identification.dynamic.covariance import inverse, slope_of_scores
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.torque import TorqueProblem
 from backdrive.identification.dynamic.uncertainty import WEAK
@@ -155,8 +155,7 @@ def _shift(
     Z, scores, used = np.zeros((at[-1] + 1, J.shape[1])), np.zeros(at[-1] + 1), np.zeros(at[-1] + 1, bool)
     Z[at], scores[at], used[at] = rest @ without - J @ whole, score, True
     covariance, _ = noise.covariance_of_scores(Z, scores, used, np.linalg.pinv(Z.T @ Z))
-    rise = float(weight.max()) * float(np.mean(weight >= weight.max() * (1.0 - 1e-9)))
-    variance = np.maximum(np.diag(covariance), 0.0) / max(rise, noise.LEAST) ** 2
+    variance = np.maximum(np.diag(covariance), 0.0) / slope_of_scores(weight) ** 2
     moved = -(Z[at].T @ score)
     told = (np.diag(without) < MOST * np.diag(whole)) & (np.abs(moved) > SURE * np.sqrt(variance))
     return np.where(told, np.sign(moved) * np.sqrt(np.maximum(moved**2 - variance, 0.0)), 0.0)

@@ -113,10 +113,11 @@ def error_of_curve(final: Fit, slowest: float) -> Callable[[np.ndarray], np.ndar
         slowest: speed of sliding that was fitted [rad/s or m/s].
     """
     of_curve = partial(band, final)
-    if not final.law.element.SET_VALUED or any(name.startswith("breakaway") for name in final.values):
+    stretches = getattr(final.problem, "stretches", ())  # none of a fit of motion, which sees rest
+    told = not final.law.element.SET_VALUED or any(name.startswith("breakaway") for name in final.values)
+    if told or not stretches:
         return of_curve
-    stretches = getattr(final.problem, "stretches", ())
-    if isinstance(final.law.rate, CoulombViscous) and stretches:
+    if isinstance(final.law.rate, CoulombViscous):
         late, begin = final.values.get("delay", 0.0), np.cumsum([0, *(len(s.torque) + 1 for s in stretches)])
         rows = [b + np.flatnonzero(s.judged) for b, s in zip(begin, stretches, strict=False)]
         velocity = [earlier(s.velocity, late / s.dt)[s.judged] for s in stretches]
