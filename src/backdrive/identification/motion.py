@@ -20,6 +20,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise
 from backdrive.identification.bends import with_bends
 from backdrive.identification.block_prediction import predict_blocks
+from backdrive.identification.crossing_fit import SAID
 from backdrive.identification.delay import delay_signals, sliding_in_step
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.evidence import constant_beside, evidence, parts_of, sentences, without_errors
@@ -37,6 +38,7 @@ from backdrive.identification.motion_bins import (
     moves,
     slowest_sliding,
 )
+from backdrive.identification.motion_crossings import with_crossings
 from backdrive.identification.motion_friction import as_friction, with_warnings
 from backdrive.identification.path import along_path, without_gravity
 from backdrive.identification.quality import assess_both, assess_parts
@@ -59,6 +61,9 @@ LEAST_MOVES = 6  # least number of moves for standard errors
 ROUGH = ("line", "5 sections")  # curves of the candidate with which the delay is fitted, if a line is allowed
 ENOUGH = 300_000  # largest number of samples for a rough delay and for the candidate with which the delay is fitted
 SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
+FORGETS = (
+    0.05  # time in which the noise forgets, from which on reversals may tell more than what goes before [s]
+)
 NAMED = 0.05  # least constant beside the friction that is mentioned, relative to it [-]
 
 
@@ -202,6 +207,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         later = replace(later, used=bins.used).whiten(slip.colour)
         choice = with_slip(choice, response(bins, later, choice.coefficients), slip)
         del later
+    slow = slip.is_known and slip.colour.memory * seconds > FORGETS
+    choice, through = with_crossings(choice, slip.delay, stretches, smooth.error) if slow else (choice, False)
     choice = missed.on(with_bends(design.offset_apart(choice)))
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     slowest = curves.past_rise(friction.law, slowest)
@@ -250,7 +257,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     fixed = "" if delay is None else describe(delay)
     known = LEFT_OUT if without and any(np.any(s.model_torque) for s in logged) else ""
-    said = filter(None, (support.verdict, constant, fixed, known, smooth.note))
+    said = filter(None, (support.verdict, SAID if through else "", constant, fixed, known, smooth.note))
     support = replace(support, verdict=" ".join(said))
     return without_gravity(friction, support, logged) if blind else (friction, support)
 

@@ -47,6 +47,11 @@ class MotionError:
         """Return the error of positions that are rounded to steps [rad or m]."""
         return cls(size=step / 12.0**0.5, step=step)
 
+    @property
+    def of_sample(self) -> float:
+        """Standard deviation at one sample, without what rounding adds at low frequencies (`_excess`)."""
+        return self.step / 12.0**0.5 if self.step else self.size
+
     def spectrum(self, cutoff: float, rate: float, beyond: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Return the power of the error by frequency in a derivative of the low-passed motion; its mean is the mean square.
 

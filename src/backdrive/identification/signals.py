@@ -50,6 +50,7 @@ class Signals:
         sliding: True if the joint moves steadily, away from reversals and brief slow motion, (n,); empty: same as `moving`.
         load: motor-side and external torque, for laws that depend on load [N.m or N], (n, 2); None if absent.
         temperature: [degC], (n,); None if absent.
+        measured: position as it was measured [rad or m], (n,); None for a velocity-only log.
     """
 
     time: np.ndarray
@@ -64,6 +65,7 @@ class Signals:
     sliding: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
     load: np.ndarray | None = None
     temperature: np.ndarray | None = None
+    measured: np.ndarray | None = None
 
     def __post_init__(self):
         if not self.sliding.size:
@@ -197,6 +199,7 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         sliding=moving & _sliding(velocity, acceleration, rate, cutoff, top),
         load=_load(log),
         temperature=None if log.temperature is None else log.temperature[:, 0],
+        measured=None if log.position is None else log.position[:, 0],
     )
 
 

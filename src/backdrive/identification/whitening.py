@@ -11,6 +11,7 @@ pass. The numerator above then has a covariance in a band of a few samples; its 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -43,6 +44,11 @@ class Colour:
 
     correlation: float = 0.0
     rounding: tuple[float, ...] = ()
+
+    @property
+    def memory(self) -> float:
+        """Number of bins after which the correlation is 1/e; 0 without a positive one [-]."""
+        return -1.0 / math.log(self.correlation) if 0.0 < self.correlation < 1.0 else 0.0
 
 
 WHITE = Colour()

@@ -47,6 +47,7 @@ class Fit:
         found: the end of the search, for profiles and bootstraps.
         loss: name of the minimised loss.
         misfit: what the law misses, as a part of the covariance of the search coordinates (`misfit`), (P, P); None: not judged.
+        through: the numbers are those of a fit through the reversals (`through`), whose errors count them.
     """
 
     law: Law
@@ -68,6 +69,7 @@ class Fit:
     found: SearchResult = field(repr=False)
     loss: str
     misfit: np.ndarray | None = field(repr=False, default=None)
+    through: bool = False
 
     @property
     def axis(self) -> Axis:

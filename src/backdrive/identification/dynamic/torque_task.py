@@ -10,6 +10,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
+from backdrive.identification.crossing_fit import SAID
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.attenuation import restore_inertia
@@ -28,6 +29,7 @@ from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import STEPS, fit_law
 from backdrive.identification.dynamic.progress import ticker
 from backdrive.identification.dynamic.result import finish
+from backdrive.identification.dynamic.through import with_crossings
 from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.motion import identify_motion
@@ -70,7 +72,7 @@ class TorqueTask(Task):
         self.options, self.logs = options, logs
         info = self.info = logs[0].joints[logs[0].column(name)]
         smooth = smoothing(logs, name, options.cutoff, FINE, held_out)
-        self.cutoff = smooth.cutoff
+        self.cutoff, self.rounding = smooth.cutoff, smooth.error
         self.remarks = (smooth.warning,) if smooth.warning else ()
         self.notes = (f"{name}: {smooth.note}",) if smooth.note else ()
         late = options.known.get("delay", 0.0)
@@ -214,9 +216,11 @@ class TorqueTask(Task):
         )
 
     def sharpen(self, final: Fit) -> Fit:
-        """Return the final fit without the encoder's effect on its inertia, and with its coloured noise whitened."""
+        """Return the final fit without the encoder's effect on its inertia, with its coloured noise whitened, through reversals."""
         restored = restore_inertia(final) or final
-        return whiten_noise(restored, bin_time([s for s, _ in self.pairs], self.cutoff))
+        stretches = [s for s, _ in self.pairs]
+        white = whiten_noise(restored, bin_time(stretches, self.cutoff))
+        return with_crossings(white, stretches, self.rounding)
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
         """Return friction and evidence from the final fit and from the fit without held-out data."""
@@ -224,7 +228,10 @@ class TorqueTask(Task):
         if any(log.model_torque is not None for log in self.logs):
             known["model_torque"] = 1.0
         given = estimates({term: (value, np.nan) for term, value in known.items()}, self.info.unit)
-        return finish(self.info, final, judged, self.pairs, self.unseen, self.masks, given)
+        friction, support = finish(self.info, final, judged, self.pairs, self.unseen, self.masks, given)
+        if final.through:
+            support = replace(support, verdict=" ".join(filter(None, (support.verdict, SAID))))
+        return friction, support
 
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
         """Return the cutoff frequency of the motion's low pass."""

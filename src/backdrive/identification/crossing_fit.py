@@ -1,0 +1,126 @@
+"""Coulomb friction from its crossing of zero, where the torque's noise is slower than a reversal.
+
+Before and after a reversal, friction differs by twice Coulomb friction. Where the noise changes little meanwhile, that difference
+tells Coulomb friction better than all that goes before, if friction's course through zero is known. Here it is learned from the
+log: a function of the speed, or a bristle, by width and elastic share (`zero_crossing`). Least squares of whitened samples
+(`crossing_noise`) give all terms. Positions are rounded, so that the acceleration and what a delay makes of it have errors of known
+size: their products are taken out of the normal equations (W. Fuller, Measurement Error Models, 1987, Sec. 1.2), with weights that
+do not depend on what is fitted.
+
+The result counts only if it does not contradict a fit without the reversals (Hausman, Econometrica 46, 1978), and if noise alone is
+left about the crossings. Inertia and delay stay those of that fit: what a course has wrong looks like them first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from backdrive.identification.crossing_noise import Noise
+from backdrive.identification.crossing_search import FAST, CrossingFit, Estimate
+from backdrive.identification.signals import Signals
+from backdrive.identification.zero_crossing import KINDS, LONGEST, TERMS, Course, Passage, passages_of
+
+ENOUGH = 20_000  # largest number of samples: more are slow, and tell Coulomb friction as they are
+ALIKE = 1e-3  # largest relative difference of two sampling rates [-]
+SLOW = 0.1  # least time in which the noise forgets [s]: faster noise leaves a reversal nothing to tell
+FINE = 0.1  # largest error of a second difference from the positions' rounding, by inertia, relative to Coulomb friction [-]
+SURE = 5.0  # least Coulomb friction and inertia of the first fit [standard error]
+LAGS = 4, 12  # distances at which the noise is first looked at [sample]
+MOVED = 3.5  # largest change of a number, relative to the error by which the two fits differ [-]
+LEAST_DIFFERENCE = 0.5  # least such error [standard error of the first fit]
+FAR = 0.1  # how much less likely than the other a kind of course is at first that is not searched, twice its logarithm a sample [-]
+MISSED = 1.4  # largest mean square of the whitened residuals near crossings [-]
+NEAR, BESIDE = 0.999, 3  # level below which a sample is near a crossing, and samples beside
+WORTH = 0.9  # largest standard error of Coulomb friction, relative to that of the first fit [-]
+
+SAID = "The noise is slower than the reversals, so Coulomb friction was fitted through them."
+
+
+def through_crossings(stretches: Sequence[Signals], noise: float, first: Estimate) -> Estimate | None:
+    """Return numbers of a joint whose friction is a straight line, equal in both directions, by a fit through its reversals.
+
+    Args:
+        stretches: of one joint.
+        noise: standard deviation of a measured position [rad or m].
+        first: fit without the reversals.
+
+    Returns:
+        The numbers in the order of the first ones; None where the log does not allow such a fit, or contradicts it.
+    """
+    terms = tuple(name for name in first.names if name not in ("coulomb", *FAST))
+    if not stretches or first.names != ("coulomb", *terms, *FAST) or not set(terms) <= set(TERMS):
+        return None
+    rate, late = stretches[0].rate, first.of("delay")[0]
+    coulomb, inertia = first.of("coulomb"), first.of("inertia")
+    samples = sum(s.time.size for s in stretches)
+    sure = coulomb[0] > SURE * coulomb[1] and inertia[0] > SURE * inertia[1]
+    rough = 6.0**0.5 * inertia[0] * noise * rate**2 > FINE * coulomb[0]
+    alike = noise > 0.0 and all(abs(s.rate / rate - 1.0) < ALIKE for s in stretches)
+    if not (sure and alike) or rough or samples > ENOUGH or abs(late) * rate > LONGEST - 1.0:
+        return None
+    passages = passages_of(stretches, terms, noise)
+    if not passages or (begin := _first_noise(passages, first)) is None:
+        return None
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        fits = [CrossingFit(passages, kind, noise, first, begin) for kind in KINDS]
+        least = min(fit.starts[0][0] for fit in fits)
+        found = [fit.search() for fit in fits if fit.starts[0][0] < least + FAR * samples]
+        best = min(found, key=lambda fit: fit.unlikely)
+        return _beside(best.estimate(), first) if _holds(best, first) else None
+    return None
+
+
+def _holds(fit: CrossingFit, first: Estimate) -> bool:
+    """Return whether a fit agrees with the first one, is surer, and leaves noise alone about the crossings."""
+    found = fit.estimate()
+    before, after = first.errors, found.errors
+    apart = np.sqrt(np.maximum(before**2 - after**2, (LEAST_DIFFERENCE * before) ** 2))
+    fast = np.isin(found.names, FAST)  # the two fits tell these by different samples
+    apart = np.where(fast, np.hypot(before, after), apart)
+    agrees = bool(np.all(np.abs(found.values - first.values) < MOVED * apart))
+    near = np.abs(fit.state.X[:, 0]) < NEAR
+    near = np.convolve(near, np.ones(2 * BESIDE + 1), mode="same") > 0
+    square = float(np.mean(fit.state.residual[near] ** 2)) if near.any() else np.inf
+    return agrees and after[0] < WORTH * before[0] and square < MISSED
+
+
+def _beside(found: Estimate, first: Estimate) -> Estimate:
+    """Return an estimate with the inertia and delay of the first one."""
+    fast = np.isin(found.names, FAST)
+    slow = ~fast
+    covariance = found.covariance * np.outer(slow, slow) + first.covariance * np.outer(fast, fast)
+    return replace(found, values=np.where(fast, first.values, found.values), covariance=covariance)
+
+
+def _first_noise(passages: Sequence[Passage], first: Estimate) -> Noise | None:
+    """Return the noise about the first fit where the joint slides; None if it is too fast."""
+    course = Course(kind="speed", width=1e-12)
+    theta = _linear(first)
+    products, counts = np.zeros(2), np.zeros(2)
+    for passage in passages:
+        residual = passage.torque[passage.rows] - passage.columns(first.of("delay")[0], course) @ theta
+        speed = np.abs(passage.motion(first.of("delay")[0]).velocity[passage.rows])
+        used = (speed > 0.1 * speed.max()) & passage.moving[passage.rows]
+        size = 3.0 * 1.4826 * np.median(np.abs(residual[used])) if used.any() else 0.0
+        residual = np.clip(residual, -size, size)
+        for k, lag in enumerate(LAGS):
+            both = used[lag:] & used[:-lag]
+            products[k] += float(residual[lag:][both] @ residual[:-lag][both])
+            counts[k] += np.count_nonzero(both)
+    if not counts.min() > 0 or not products.min() > 0.0:
+        return None
+    near, far = products / counts
+    correlation = min(float((far / near) ** (1.0 / (LAGS[1] - LAGS[0]))), 0.999)
+    if correlation <= np.exp(-1.0 / (SLOW * passages[0].rate)):
+        return None
+    variance = near / correlation ** LAGS[0]
+    return Noise(correlation, float(np.sqrt(variance * (1.0 - correlation**2))))
+
+
+def _linear(estimate: Estimate) -> np.ndarray:
+    """Return the coefficients of the columns."""
+    return estimate.values[: estimate.names.index("delay")]

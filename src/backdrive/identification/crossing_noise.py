@@ -1,0 +1,133 @@
+"""The noise of a fit through zero crossings, and the transform that makes it white.
+
+The torque's noise is an autoregression of first order, r_k = c r_(k-1) + e_k. Beside it stand the rounding of the positions, which
+enters the acceleration through the weights of a second difference, and what sampling leaves open at each sample. Of r_k - c r_(k-1)
+the covariance has a band of a few samples, whose Cholesky factor makes it white (Aitken 1935).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cholesky_banded, get_lapack_funcs
+
+from backdrive.identification.zero_crossing import NUMEROV, Passage, stencil
+
+CLIPPED = 2.5  # size beyond which a whitened residual counts linearly [standard deviation]
+PROBES = 24  # random signs by which sums of the weights' diagonals are measured
+STEPS = 40  # evaluations of a search for the noise
+SETTLED = 200  # rows after which the factor of a covariance that does not change has settled
+MOST = 0.9999  # largest correlation of neighbouring samples [-]
+(solve_triangular_band,) = get_lapack_funcs(("tbtrs",), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Noise of the torque.
+
+    Attributes:
+        correlation: of neighbouring samples [-].
+        innovation: standard deviation of what is new in a sample [N.m or N].
+    """
+
+    correlation: float
+    innovation: float
+
+
+class Whitener:
+    """Makes the noise of one stretch white, of unit variance.
+
+    Args:
+        passage: the stretch.
+        noise: of its torque.
+        rounding: of a position, by inertia [N.m.s^2 or N.s^2].
+        delay: of the torque [s].
+        unsure: further variance of each row [(N.m)^2 or N^2], (m,).
+    """
+
+    def __init__(self, passage: Passage, noise: Noise, rounding: float, delay: float, unsure: np.ndarray):
+        self.noise = noise
+        weights = stencil(delay * passage.rate) * passage.rate**2 * rounding
+        ahead = np.convolve(np.trim_zeros(weights), [1.0, -noise.correlation]) / noise.innovation
+        products = np.correlate(ahead, ahead, "full")[ahead.size - 1 :]
+        products[:3] += np.correlate(NUMEROV, NUMEROV, "full")[2:]
+        band = np.repeat(products[:, None], unsure.size, axis=1)
+        more = unsure / noise.innovation**2
+        band[0] += more
+        band[0, 1:] += noise.correlation**2 * more[:-1]
+        band[1, :-1] -= noise.correlation * more[:-1]
+        self._factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
+        scale = unsure.size * float(np.log(noise.innovation))
+        self.log_determinant = 2.0 * (float(np.sum(np.log(self._factor[0]))) + scale)
+        steady = np.repeat(products[:, None], min(SETTLED, unsure.size), axis=1)
+        usual = float(cholesky_banded(steady, lower=True, overwrite_ab=True, check_finite=False)[0, -1])
+        #: The same without the rounding, which depends on the delay: by it fits with different delays compare.
+        self.beside_rounding = 2.0 * (float(np.sum(np.log(self._factor[0] / usual))) + scale)
+
+    def __call__(self, X: np.ndarray) -> np.ndarray:
+        """Return rows whose noise is white, (m, p)."""
+        ahead = X / self.noise.innovation
+        ahead[1:] -= self.noise.correlation / self.noise.innovation * X[:-1]
+        ahead[0] *= np.sqrt(1.0 - self.noise.correlation**2)
+        return solve_triangular_band(self._factor, ahead, uplo="L")[0]
+
+    def diagonals(self, size: int, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Return the sums of the main diagonal and those beside it of the weights, the inverse covariance, (count,).
+
+        Args:
+            size: number of rows.
+            count: number of diagonals.
+            rng: of random signs (M. F. Hutchinson, Commun. Stat. Simul. Comput. 19, 1990).
+        """
+        signs = rng.choice([-1.0, 1.0], size=(size, PROBES))
+        white, sums = self(signs), np.empty(count)
+        for lag in range(count):
+            later = np.zeros_like(signs)
+            later[lag:] = signs[: size - lag]
+            sums[lag] = np.mean(np.sum(white * self(later), axis=0))
+        return sums
+
+
+def clipped(white: np.ndarray) -> float:
+    """Return the sum of squares of whitened residuals, (m,), of which large ones count linearly (Huber)."""
+    size = np.abs(white)
+    return float(np.sum(np.where(size < CLIPPED, white**2, CLIPPED * (2.0 * size - CLIPPED))))
+
+
+def noise_of(
+    passages: Sequence[Passage],
+    residuals: Sequence[np.ndarray],
+    unsure: Sequence[np.ndarray],
+    rounding: float,
+    delay: float,
+    begin: Noise,
+) -> Noise:
+    """Return the noise under which residuals are most likely, with large ones limited.
+
+    Args:
+        passages: stretches.
+        residuals: of each, (m,).
+        unsure: further variance of each row [(N.m)^2 or N^2], (m,) of each.
+        rounding: of a position, by inertia [N.m.s^2 or N.s^2].
+        delay: of the torque [s].
+        begin: about the noise.
+    """
+    from scipy.optimize import minimize
+
+    def unlikely(x: np.ndarray) -> float:
+        noise, total = _noise_at(x), 0.0
+        for passage, residual, more in zip(passages, residuals, unsure, strict=True):
+            white = Whitener(passage, noise, rounding, delay, more)
+            total += clipped(white(residual[:, None])[:, 0]) + white.log_determinant
+        return total
+
+    first = np.array([np.arctanh(min(begin.correlation, MOST)), np.log(begin.innovation)])
+    corners = np.array([first, first + [0.2, 0.0], first + [0.0, 0.1]])
+    options = {"maxfev": STEPS, "xatol": 2e-3, "fatol": 2e-2, "initial_simplex": corners}
+    return _noise_at(minimize(unlikely, first, method="Nelder-Mead", options=options).x)
+
+
+def _noise_at(x: np.ndarray) -> Noise:
+    return Noise(float(np.clip(np.tanh(x[0]), 0.0, MOST)), float(np.exp(x[1])))

@@ -1,0 +1,177 @@
+"""Coulomb friction through reversals, on a joint that is integrated here: its friction crosses zero over a range of speeds."""
+
+import numpy as np
+import pytest
+
+from backdrive import Joint, Log, identify
+from backdrive.identification import crossing_fit
+from backdrive.identification.crossing_noise import Noise, Whitener, clipped
+from backdrive.identification.zero_crossing import (
+    FINE,
+    REACH,
+    Course,
+    Passage,
+    numerov,
+    stencil,
+    triangle,
+)
+
+INERTIA, COULOMB, VISCOUS, WIDTH = 0.2, 1.5, 0.3, 0.03
+STEP, RATE, SECONDS = 2e-4, 200.0, 30.0
+
+
+def joint(rng, peak=0.0):
+    """Return positions and torque at `RATE` of a joint under a stiff servo."""
+    n = round(SECONDS / STEP)
+    t = np.arange(n) * STEP
+    q_d = sum(np.sin(2.0 * np.pi * f * t + rng.uniform(0.0, 6.28)) / f for f in (0.2, 0.5, 0.9)) * 0.15
+    v_d = np.gradient(q_d, STEP)
+    a_d = np.gradient(v_d, STEP)
+    q, v = q_d[0], v_d[0]
+    every, rows = round(1.0 / (RATE * STEP)), []
+    stiffness, damping = INERTIA * 60.0**2, 2.0 * INERTIA * 60.0
+    wanted = np.stack([q_d, v_d, a_d], axis=1).tolist()
+    for k, (x, dx, ddx) in enumerate(wanted):
+        level = COULOMB + peak * np.exp(-((v / 0.05) ** 2)) if peak else COULOMB
+        friction = level * float(np.tanh(v / WIDTH)) + VISCOUS * v
+        u = stiffness * (x - q) + damping * (dx - v) + INERTIA * ddx
+        if k % every == 0:
+            rows.append((q, u))
+        v += STEP * (u - friction) / INERTIA
+        q += STEP * v
+    return np.array(rows).T
+
+
+def log_of(q, u, rng, colour, size=0.1):
+    white, noise = size * rng.standard_normal(q.size), np.zeros(q.size)
+    for k in range(1, q.size):
+        noise[k] = colour * noise[k - 1] + np.sqrt(1.0 - colour**2) * white[k]
+    count = 2.0 * np.pi / 2**20
+    return Log(
+        time=np.arange(q.size) / RATE,
+        joints=(Joint(name="joint", unit="rad"),),
+        position=(count * np.round(q / count))[:, None],
+        torque=(u + noise)[:, None],
+    )
+
+
+@pytest.fixture(scope="module")
+def motion():
+    return joint(np.random.default_rng(1))
+
+
+def test_triangle_weighs_like_a_second_difference():
+    """The second difference of a function is the triangle's mean of its second derivative."""
+    h = 0.01
+    fine = np.arange(0, 40 * FINE) * h / FINE
+    for f, second in ((np.sin, lambda x: -np.sin(x)), (lambda x: x**3, lambda x: 6.0 * x)):
+        at = fine[::FINE]
+        differences = (f(at[2:]) - 2.0 * f(at[1:-1]) + f(at[:-2])) / h**2
+        assert triangle(second(fine))[1:-1] == pytest.approx(differences, abs=2e-5)
+        assert numerov(second(at))[1:-1] == pytest.approx(differences, abs=1e-9)
+
+
+def test_triangle_of_a_jump_between_samples():
+    fine = np.sign(np.arange(10 * FINE) - 4.5 * FINE)
+    assert triangle(fine)[[2, 4, 5, 7]] == pytest.approx([-1.0, -0.75, 0.75, 1.0], abs=0.1)
+
+
+def test_stencil_is_the_second_difference_of_a_delayed_series():
+    from backdrive.identification.delay import earlier
+
+    q = np.random.default_rng(2).standard_normal(80)
+    for late in (0.0, 0.3, -1.6, 2.0):
+        moved = earlier(q, late)
+        k = 40
+        assert stencil(late) @ q[k - REACH : k + REACH + 1] == pytest.approx(
+            moved[k + 1] - 2.0 * moved[k] + moved[k - 1]
+        )
+
+
+def test_whitener_makes_the_dense_covariance_white():
+    """Against the covariance that is written out: autoregression after Numerov's mean, rounding, and open rows."""
+    n, noise, rounding, late = 40, Noise(0.9, 0.3), 2e-6, 0.3
+    passage = Passage(
+        measured=np.zeros(n),
+        torque=np.zeros(n),
+        corner=np.zeros(n),
+        moving=np.ones(n, dtype=bool),
+        rate=RATE,
+        terms=(),
+        noise=1e-6,
+    )
+    unsure = np.zeros(n)
+    unsure[7] = 2.0
+    white = Whitener(passage, noise, rounding, late / RATE, unsure)(np.eye(n))
+    lag = np.abs(np.subtract.outer(np.arange(n + 2), np.arange(n + 2)))
+    torque = noise.innovation**2 / (1.0 - noise.correlation**2) * noise.correlation**lag
+    mean = np.array([[numerov(row)[k + 1] for row in np.eye(n + 2)] for k in range(n)])
+    weights, bends = stencil(late) * RATE**2 * rounding, np.zeros((n, n + 2 * REACH))
+    for k in range(n):
+        bends[k, k : k + 2 * REACH + 1] = weights
+    dense = mean @ torque @ mean.T + bends @ bends.T + np.diag(unsure)
+    after = white @ dense @ white.T
+    inner = slice(12, n - 2)  # the first rows know no past
+    assert after[inner, inner] == pytest.approx(np.eye(n)[inner, inner], abs=0.02)
+
+
+def test_clipped_residuals_count_linearly():
+    assert clipped(np.array([1.0, -2.0])) == 5.0
+    assert clipped(np.array([100.0])) < 500.0
+
+
+def test_a_bristle_ends_bent_along_the_motion():
+    course = Course(kind="bristle", width=1e-3)
+    position = np.concatenate([np.linspace(0.0, 0.01, 200), np.linspace(0.01, 0.0, 200)])
+    level = course.level(position, np.gradient(position, 1e-3), 1e-3)
+    assert level[150] == pytest.approx(1.0, abs=1e-3)
+    assert level[-1] == pytest.approx(-1.0, abs=1e-3)
+    assert -1.0 < level[210] < 1.0
+
+
+def stated(log, monkeypatch, without=False, **options):
+    """Return Coulomb friction, its error, and the words of the result, with or without the fit through reversals."""
+    with monkeypatch.context() as patch:
+        if without:
+            patch.setattr("backdrive.identification.motion_crossings.through_crossings", lambda *_: None)
+            patch.setattr("backdrive.identification.dynamic.through.through_crossings", lambda *_: None)
+        result = identify([log], law="coulomb-viscous", **options)
+    friction = result.model.joints[0]
+    return (
+        friction.law.rate.coulomb_positive,
+        friction.standard_errors["coulomb_positive"],
+        result.evidence[0].verdict,
+    )
+
+
+@pytest.mark.parametrize(("options", "seed"), [({"method": "motion"}, 3), ({}, 4)])
+def test_slow_noise_makes_reversals_tell(motion, monkeypatch, options, seed):
+    log = log_of(*motion, np.random.default_rng(seed), 0.98)
+    value, error, words = stated(log, monkeypatch, **options)
+    _, plain, _ = stated(log, monkeypatch, without=True, **options)
+    assert error < 0.85 * plain
+    assert abs(value - COULOMB) < 3.5 * error
+    assert crossing_fit.SAID in words
+
+
+def test_errors_hold_over_draws(motion, monkeypatch):
+    off = []
+    for seed in range(10, 22):
+        log = log_of(*motion, np.random.default_rng(seed), 0.98)
+        value, error, _ = stated(log, monkeypatch, method="motion")
+        off.append((value - COULOMB) / error)
+    assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.8
+
+
+def test_white_noise_is_left_as_it_is(motion, monkeypatch):
+    log = log_of(*motion, np.random.default_rng(3), 0.0)
+    with_, without = (stated(log, monkeypatch, without=w, method="motion") for w in (False, True))
+    assert with_ == without
+
+
+def test_a_stribeck_peak_is_no_crossing_that_is_known(monkeypatch):
+    """Friction at rest above Coulomb friction fits neither course: what is stated is no surer, or right."""
+    rng = np.random.default_rng(4)
+    log = log_of(*joint(rng, peak=1.0), rng, 0.98)
+    value, error, words = stated(log, monkeypatch, method="motion")
+    assert crossing_fit.SAID not in words or abs(value - COULOMB) < 3.5 * error
