@@ -5,7 +5,7 @@ import pytest
 
 from backdrive import Joint, Log, identify
 from backdrive.identification import crossing_fit
-from backdrive.identification.crossing_noise import Noise, Whitener, clipped
+from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum
 from backdrive.identification.zero_crossing import (
     FINE,
     REACH,
@@ -116,8 +116,8 @@ def test_whitener_makes_the_dense_covariance_white():
 
 
 def test_clipped_residuals_count_linearly():
-    assert clipped(np.array([1.0, -2.0])) == 5.0
-    assert clipped(np.array([100.0])) < 500.0
+    assert huber_sum(np.array([1.0, -2.0])) == 5.0
+    assert huber_sum(np.array([100.0])) < 500.0
 
 
 def test_a_bristle_ends_bent_along_the_motion():

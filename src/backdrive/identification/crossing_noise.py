@@ -90,7 +90,7 @@ class Whitener:
         return sums
 
 
-def clipped(white: np.ndarray) -> float:
+def huber_sum(white: np.ndarray) -> float:
     """Return the sum of squares of whitened residuals, (m,), of which large ones count linearly (Huber)."""
     size = np.abs(white)
     return float(np.sum(np.where(size < CLIPPED, white**2, CLIPPED * (2.0 * size - CLIPPED))))
@@ -120,7 +120,7 @@ def noise_of(
         noise, total = _noise_at(x), 0.0
         for passage, residual, more in zip(passages, residuals, unsure, strict=True):
             white = Whitener(passage, noise, rounding, delay, more)
-            total += clipped(white(residual[:, None])[:, 0]) + white.log_determinant
+            total += huber_sum(white(residual[:, None])[:, 0]) + white.log_determinant
         return total
 
     first = np.array([np.arctanh(min(begin.correlation, MOST)), np.log(begin.innovation)])

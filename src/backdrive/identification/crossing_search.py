@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backdrive.identification.crossing_noise import Noise, Whitener, clipped, noise_of
+from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum, noise_of
 from backdrive.identification.zero_crossing import LONGEST, Course, Kind, Passage, stencil
 
 SPEEDS = (1e-3, 3e-3, 1e-2, 3e-2)  # widths of a crossing by speed that are tried [top speed]
@@ -158,7 +158,7 @@ class CrossingFit:
         white = self._white(whiteners, np.column_stack([X[:, :-1], self.y - self.inertia * X[:, -1]]))
         A, b = white[:, :-1], white[:, -1]
         theta = np.linalg.lstsq(A.T @ A, A.T @ b, rcond=1e-12)[0]
-        return clipped(b - A @ theta) + sum(w.beside_rounding for w in whiteners)
+        return huber_sum(b - A @ theta) + sum(w.beside_rounding for w in whiteners)
 
     def _product(self, one: np.ndarray, other: np.ndarray, weights: _Weights) -> float:
         """Return the weighted product of two errors of rounding that stencils make of the positions."""
@@ -198,18 +198,15 @@ class CrossingFit:
         """Return the derivatives of the torque with respect to the point, (m, 2) or (m, 3)."""
         columns = []
         for i in range(self.size):
-            ends = [self._moved(point, i, way * NUDGE[i]) for way in (1.0, -1.0)]
+            ends = [self._inside(point + way * NUDGE[i] * np.eye(self.size)[i]) for way in (1.0, -1.0)]
             change = (self._columns(ends[0]) - self._columns(ends[1])) @ theta
             columns.append(change / (ends[0][i] - ends[1][i]))
         return np.column_stack(columns)
 
-    def _moved(self, point: np.ndarray, i: int, step: float) -> np.ndarray:
-        moved = point.copy()
-        moved[i] += step
-        if self.size > 2:
-            moved[2] = np.clip(moved[2], *ELASTIC)
-        moved[0] = np.clip(moved[0], -LONGEST, LONGEST)
-        return moved
+    def _inside(self, point: np.ndarray) -> np.ndarray:
+        """Return a point with its delay and elastic share within their limits."""
+        limits = np.array([(-LONGEST, LONGEST), (-np.inf, np.inf), ELASTIC])[: self.size]
+        return np.clip(point, limits[:, 0], limits[:, 1])
 
     def _rounds(self, point: np.ndarray, rounds: int) -> None:
         """Fit from a point; the result is in `state`, `unlikely`, `gram`, `true` and `inertia`."""
@@ -229,7 +226,7 @@ class CrossingFit:
             self.coulomb = max(float(state.theta[0]), 1e-3 * self.coulomb)
             self.inertia = max(float(state.theta[-1]), 1e-3 * self.inertia)
             self.state = state
-            self.unlikely = clipped(state.residual) + sum(w.beside_rounding for w in weights.whiteners)
+            self.unlikely = huber_sum(state.residual) + sum(w.beside_rounding for w in weights.whiteners)
             if left:
                 plain = np.split(
                     self.y - state.X @ state.theta, np.cumsum([u.size for u in weights.unsure])[:-1]
@@ -245,11 +242,8 @@ class CrossingFit:
         along = vector.T @ (gradient / size)
         for damping in DAMPING:
             step = (vector @ (along / (np.maximum(value, 0.0) + damping))) / size
-            point = state.point + np.clip(step[-self.size :], -LEAP[: self.size], LEAP[: self.size])
-            if self.size > 2:
-                point[2] = np.clip(point[2], *ELASTIC)
-            point[0] = np.clip(point[0], -LONGEST, LONGEST)
-            after = self._solve(point, weights)
+            leap = np.clip(step[-self.size :], -LEAP[: self.size], LEAP[: self.size])
+            after = self._solve(self._inside(state.point + leap), weights)
             if after.cost <= state.cost:
                 return after
         return None
