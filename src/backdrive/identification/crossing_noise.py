@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky_banded, get_lapack_funcs
 
-from backdrive.identification.zero_crossing import NUMEROV, Passage, stencil
+from backdrive.identification.zero_crossing import NUMEROV, REACH, Passage, stencil
 
 CLIPPED = 2.5  # size beyond which a whitened residual counts linearly [standard deviation]
 PROBES = 24  # random signs by which sums of the weights' diagonals are measured
@@ -73,6 +73,14 @@ class Whitener:
         ahead[0] *= np.sqrt(1.0 - self.noise.correlation**2)
         return solve_triangular_band(self._factor, ahead, uplo="L")[0]
 
+    def weighted(self, X: np.ndarray) -> np.ndarray:
+        """Return the weights, the inverse covariance, times rows, (m, p)."""
+        back = solve_triangular_band(self._factor, self(X), uplo="L", trans="T")[0] / self.noise.innovation
+        result = back.copy()
+        result[0] *= np.sqrt(1.0 - self.noise.correlation**2)
+        result[:-1] -= self.noise.correlation * back[1:]
+        return result
+
     def diagonals(self, size: int, count: int, rng: np.random.Generator) -> np.ndarray:
         """Return the sums of the main diagonal and those beside it of the weights, the inverse covariance, (count,).
 
@@ -88,6 +96,12 @@ class Whitener:
             later[lag:] = signs[: size - lag]
             sums[lag] = np.mean(np.sum(white * self(later), axis=0))
         return sums
+
+
+def slide(weights: np.ndarray, series: np.ndarray) -> np.ndarray:
+    """Return sums of the samples within REACH by weights, (2 REACH + 1,), of columns that go on REACH beyond, (m, p)."""
+    size, used = len(series) - 2 * REACH, np.flatnonzero(weights)
+    return np.sum([weights[k] * series[k : k + size] for k in used], axis=0)
 
 
 def huber_sum(white: np.ndarray) -> float:

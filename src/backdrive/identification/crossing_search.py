@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum, noise_of
-from backdrive.identification.zero_crossing import LONGEST, Course, Kind, Passage, stencil
+from backdrive.identification.crossing_noise import PROBES, Noise, Whitener, huber_sum, noise_of, slide
+from backdrive.identification.zero_crossing import LONGEST, REACH, Course, Kind, Passage, stencil
 
 SPEEDS = (1e-3, 3e-3, 1e-2, 3e-2)  # widths of a crossing by speed that are tried [top speed]
 BENDS = (1e-5, 3e-5, 1e-4, 3e-4, 1e-3)  # and of one by displacement [travel]
@@ -225,7 +225,7 @@ class CrossingFit:
             point = state.point
             self.coulomb = max(float(state.theta[0]), 1e-3 * self.coulomb)
             self.inertia = max(float(state.theta[-1]), 1e-3 * self.inertia)
-            self.state = state
+            self.state, self.weights = state, weights
             self.unlikely = huber_sum(state.residual) + sum(w.beside_rounding for w in weights.whiteners)
             if left:
                 plain = np.split(
@@ -260,6 +260,27 @@ class CrossingFit:
         kept = slice(0, self.state.theta.size + 1)
         unit = np.ones(self.state.theta.size + 1)
         unit[-1] = 1.0 / self.rate
-        covariance = (inverse @ (2.0 * self.gram - self.true) @ inverse)[kept, kept] * np.outer(unit, unit)
+        covariance = (inverse @ self._scatter() @ inverse)[kept, kept] * np.outer(unit, unit)
         values = np.append(self.state.theta, self.state.point[0] / self.rate)
         return replace(self.first, values=values, covariance=covariance)
+
+    def _scatter(self) -> np.ndarray:
+        """Return the covariance of the gradient, (P, P).
+
+        That of the products of columns and residual counts the rounding in both as if these were independent. It is the same: with
+        A = S'W S_0, what that adds is inertia^2 s^4 tr(A_i A_j) for inertia and delay, which random signs give.
+        """
+        rng, state = np.random.default_rng(0), self.state
+        bends, total = self._bends(state), np.zeros((2, 2))
+        for whitener, unsure in zip(self.weights.whiteners, self.weights.unsure, strict=True):
+            signs = rng.choice([-1.0, 1.0], size=(unsure.size + 2 * REACH, PROBES))
+            of_both = [whitener.weighted(slide(bend, signs)) for bend in bends]
+            wide = [np.pad(u, ((2 * REACH, 2 * REACH), (0, 0))) for u in of_both]
+            back = [slide(bends[0][::-1], u) for u in wide]  # A' z
+            ahead = [slide(bend[::-1], wide[0]) for bend in bends]  # A z
+            total += [[np.sum(one * other) / PROBES for other in ahead] for one in back]
+        scale = (state.theta[-1] * (self.noise * self.rate**2) ** 2) ** 2
+        fast = slice(state.theta.size - 1, state.theta.size + 1)
+        scatter = self.gram.copy()
+        scatter[fast, fast] += 0.5 * scale * (total + total.T)
+        return scatter
