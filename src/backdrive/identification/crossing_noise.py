@@ -73,7 +73,7 @@ class Whitener:
         ahead[0] *= np.sqrt(1.0 - self.noise.correlation**2)
         return solve_triangular_band(self._factor, ahead, uplo="L")[0]
 
-    def weighted(self, X: np.ndarray) -> np.ndarray:
+    def times_weights(self, X: np.ndarray) -> np.ndarray:
         """Return the weights, the inverse covariance, times rows, (m, p)."""
         back = solve_triangular_band(self._factor, self(X), uplo="L", trans="T")[0] / self.noise.innovation
         result = back.copy()

@@ -274,7 +274,7 @@ class CrossingFit:
         bends, total = self._bends(state), np.zeros((2, 2))
         for whitener, unsure in zip(self.weights.whiteners, self.weights.unsure, strict=True):
             signs = rng.choice([-1.0, 1.0], size=(unsure.size + 2 * REACH, PROBES))
-            of_both = [whitener.weighted(slide(bend, signs)) for bend in bends]
+            of_both = [whitener.times_weights(slide(bend, signs)) for bend in bends]
             wide = [np.pad(u, ((2 * REACH, 2 * REACH), (0, 0))) for u in of_both]
             back = [slide(bends[0][::-1], u) for u in wide]  # A' z
             ahead = [slide(bend[::-1], wide[0]) for bend in bends]  # A z
