@@ -2,7 +2,9 @@
 
 The torque's noise is an autoregression of first order, r_k = c r_(k-1) + e_k. Beside it stand the rounding of the positions, which
 enters the acceleration through the weights of a second difference, and what sampling leaves open at each sample. Of r_k - c r_(k-1)
-the covariance has a band of a few samples, whose Cholesky factor makes it white (Aitken 1935).
+the covariance has a band of a few samples, whose Cholesky factor makes it white (Aitken 1935). The noise is the likeliest one of
+what no column tells (restricted likelihood: Patterson & Thompson, Biometrika 58, 1971): slow noise looks like a column now and then,
+and what a fit leaves of it seems faster than it is.
 """
 
 from __future__ import annotations
@@ -113,16 +115,18 @@ def huber_sum(white: np.ndarray) -> float:
 def noise_of(
     passages: Sequence[Passage],
     residuals: Sequence[np.ndarray],
+    columns: Sequence[np.ndarray],
     unsure: Sequence[np.ndarray],
     rounding: float,
     delay: float,
     begin: Noise,
 ) -> Noise:
-    """Return the noise under which residuals are most likely, with large ones limited.
+    """Return the noise under which the residuals of a fit are most likely, with large ones limited.
 
     Args:
         passages: stretches.
         residuals: of each, (m,).
+        columns: that were fitted, (m, p) of each.
         unsure: further variance of each row [(N.m)^2 or N^2], (m,) of each.
         rounding: of a position, by inertia [N.m.s^2 or N.s^2].
         delay: of the torque [s].
@@ -130,12 +134,17 @@ def noise_of(
     """
     from scipy.optimize import minimize
 
+    size = np.sqrt(np.sum([np.sum(X**2, axis=0) for X in columns], axis=0))
+    both = [np.column_stack([X / size, r]) for X, r in zip(columns, residuals, strict=True)]
+
     def unlikely(x: np.ndarray) -> float:
-        noise, total = _noise_at(x), 0.0
-        for passage, residual, more in zip(passages, residuals, unsure, strict=True):
-            white = Whitener(passage, noise, rounding, delay, more)
-            total += huber_sum(white(residual[:, None])[:, 0]) + white.log_determinant
-        return total
+        noise, total, gram = _noise_at(x), 0.0, 0.0
+        for passage, part, more in zip(passages, both, unsure, strict=True):
+            whitener = Whitener(passage, noise, rounding, delay, more)
+            white = whitener(part)
+            total += huber_sum(white[:, -1]) + whitener.log_determinant
+            gram = gram + white[:, :-1].T @ white[:, :-1]
+        return total + float(np.linalg.slogdet(gram)[1])
 
     first = np.array([np.arctanh(min(begin.correlation, MOST)), np.log(begin.innovation)])
     corners = np.array([first, first + [0.2, 0.0], first + [0.0, 0.1]])

@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification.crossing_noise import PROBES, Noise, Whitener, huber_sum, noise_of, slide
+from backdrive.identification.noise import FEWEST
+from backdrive.identification.regression import NORMAL
 from backdrive.identification.zero_crossing import LONGEST, REACH, Course, Kind, Passage, stencil
 
 SPEEDS = (1e-3, 3e-3, 1e-2, 3e-2)  # widths of a crossing by speed that are tried [top speed]
@@ -228,12 +230,13 @@ class CrossingFit:
             self.state, self.weights = state, weights
             self.unlikely = huber_sum(state.residual) + sum(w.beside_rounding for w in weights.whiteners)
             if left:
-                plain = np.split(
-                    self.y - state.X @ state.theta, np.cumsum([u.size for u in weights.unsure])[:-1]
-                )
+                ends = np.cumsum([u.size for u in weights.unsure])[:-1]
+                plain, columns = np.split(self.y - state.X @ state.theta, ends), np.split(state.X, ends)
                 delay = self._course(point)[0]
                 rounding = self.inertia * self.noise
-                self.about = noise_of(self.passages, plain, self._unsure(point), rounding, delay, self.about)
+                self.about = noise_of(
+                    self.passages, plain, columns, self._unsure(point), rounding, delay, self.about
+                )
 
     def _step(self, state: _State, gradient: np.ndarray, weights: _Weights) -> _State | None:
         """Return the state after a Gauss-Newton step that lowers the cost; None if none does."""
@@ -260,9 +263,31 @@ class CrossingFit:
         kept = slice(0, self.state.theta.size + 1)
         unit = np.ones(self.state.theta.size + 1)
         unit[-1] = 1.0 / self.rate
+        unit = unit * self._few()[kept]
         covariance = (inverse @ self._scatter() @ inverse)[kept, kept] * np.outer(unit, unit)
         values = np.append(self.state.theta, self.state.point[0] / self.rate)
         return replace(self.first, values=values, covariance=covariance)
+
+    def _few(self) -> np.ndarray:
+        """Return factors on the standard errors, so that 1.96 of them correspond to Student's quantile, (P,).
+
+        A variance that changes by the share s where the noise's correlation changes by its standard error has 2 / s^2 degrees of
+        freedom (Satterthwaite, Biometrics Bulletin 2, 1946).
+        """
+        from scipy.special import stdtrit
+
+        found, state, variances = self.about, self.state, []
+        columns = np.hstack([state.X, self._changes(state.point, state.theta)]) / np.sqrt(np.diag(self.gram))
+        false = (self.gram - self.true) / np.sqrt(np.outer(np.diag(self.gram), np.diag(self.gram)))
+        error = np.sqrt((1.0 - found.correlation**2) / len(columns))
+        for way in (-1.0, 1.0):
+            correlation = min(found.correlation + way * error, 0.5 * (1.0 + found.correlation))
+            self.about = replace(found, correlation=correlation)
+            F = self._white(self._whiteners(state.point, self.weights.unsure), columns)
+            variances.append(np.maximum(np.diag(np.linalg.pinv(F.T @ F - false, rcond=1e-10)), 1e-12))
+        self.about = found
+        share = 0.5 * np.log(variances[1] / variances[0])
+        return stdtrit(np.maximum(2.0 / np.maximum(share**2, 1e-12), FEWEST), 0.975) / NORMAL
 
     def _scatter(self) -> np.ndarray:
         """Return the covariance of the gradient, (P, P).

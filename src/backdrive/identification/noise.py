@@ -110,7 +110,9 @@ def _shrunk(size: np.ndarray, independent: np.ndarray) -> np.ndarray:
     return np.sqrt((independent * size**2 + WHOLE * whole) / (independent + WHOLE))
 
 
-def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> np.ndarray:
+def covariance_of_fit(
+    X: np.ndarray, residual: np.ndarray, used: np.ndarray, share: float = 1.0
+) -> np.ndarray:
     """Return the covariance of coefficients fitted with Huber's loss, for the correlation of the fit's residuals, (p, p).
 
     It is widened for the lost degrees of freedom, and by Student's distribution for the number of independent samples.
@@ -119,6 +121,7 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
         X: regressor of evenly spaced samples, (n, p).
         residual: of the fit, (n,).
         used: mask of the fitted samples, (n,).
+        share: of the samples that was independent before they were whitened [-].
     """
     p = X.shape[1]
     width = regression.HUBER * regression.robust_spread(residual[used])
@@ -129,7 +132,7 @@ def covariance_of_fit(X: np.ndarray, residual: np.ndarray, used: np.ndarray) -> 
     inverse = regression.invert(kept.T @ kept)
     covariance, independent = covariance_of_scores(kept, score, used, inverse)
     bread = inverse / max(float(np.mean(np.abs(residual[used]) <= width)), LEAST)
-    return regression.widen_covariance(bread @ covariance @ bread, independent - p)
+    return regression.widen_covariance(bread @ covariance @ bread, share * independent - p)
 
 
 def covariance_of_scores(

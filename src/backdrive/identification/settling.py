@@ -129,7 +129,7 @@ def _lags(
     theta = fit(more, start)
     if not theta[-1] < 0.0:
         return False, theta
-    covariance = noise.covariance_of_fit(more.X, more.y - more.X @ theta, more.used)
+    covariance = noise.covariance_of_fit(more.X, more.y - more.X @ theta, more.used, colour.independent)
     return bool(theta[-1] < -SURE * np.sqrt(covariance[-1, -1])), theta
 
 

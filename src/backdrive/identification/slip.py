@@ -172,7 +172,7 @@ def fix_slip(
     """
     bins = bins_at_delay(stretches, delay, knots, full)
     theta = fit(bins)
-    colour = colour_of(bins.y - bins.X @ theta, bins.used, _in_torque(false, full, theta))
+    colour = colour_of(bins.y - bins.X @ theta, bins.used, bins.X, _in_torque(false, full, theta))
     return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, colour=colour)
 
 
@@ -207,7 +207,7 @@ def seek_slip(
         bins = bins_at_delay(stretches, delay, knots, full)
         if known is None and not tried:  # for white noise, the fit need not be repeated
             theta = fit(bins, rounds=rounds)
-            colour = colour_of(bins.y - bins.X @ theta, bins.used, _in_torque(false, full, theta))
+            colour = colour_of(bins.y - bins.X @ theta, bins.used, bins.X, _in_torque(false, full, theta))
         if theta is None or tried or colour != WHITE:
             bins = bins.whiten(colour)
             theta = fit(bins, theta, rounds)
@@ -224,7 +224,7 @@ def seek_slip(
     if rough:
         covariance = regression.classical(bins.X[bins.used], residual[bins.used])
     else:
-        covariance = noise.covariance_of_fit(bins.X, residual, bins.used)
+        covariance = noise.covariance_of_fit(bins.X, residual, bins.used, colour.independent)
     felt = theta[inertia] > FELT * float(np.sqrt(covariance[inertia, inertia]))
     if not (felt and share > SHOWN):
         return replace(open_, colour=colour)

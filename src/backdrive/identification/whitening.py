@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cholesky_banded, solve_banded
+from scipy.linalg import cholesky_banded, solve_banded, solveh_banded
 
 from backdrive.identification import regression
 
@@ -30,6 +30,8 @@ HIDDEN = 0.5  # largest share of the residual's mean square that is taken as err
 SHOWN = 0.05  # least power of the acceleration's error, relative to the innovation of the noise, that is whitened too [-]
 LAGS = 4  # number of lags of the acceleration's error; beyond, means of a low-passed motion are hardly correlated
 RIDGE = 1e-3  # least power of the acceleration's error at any frequency, relative to its mean [-]
+SMALL = 0.01  # share of the noise's slow part below which what a fit takes of it is left out [-]
+ROUNDS = 5  # repetitions, each with the last correlation
 ANGLES = np.linspace(0.0, np.pi, 257)  # frequencies at which a spectrum is tested [rad/bin]
 
 
@@ -44,6 +46,11 @@ class Colour:
 
     correlation: float = 0.0
     rounding: tuple[float, ...] = ()
+
+    @property
+    def independent(self) -> float:
+        """Share of the bins that counts as independent, by the noise's slow part [-]."""
+        return (1.0 - self.correlation) / (1.0 + self.correlation) if self.correlation > 0.0 else 1.0
 
     @property
     def memory(self) -> float:
@@ -68,15 +75,18 @@ def neighbours(residual: np.ndarray, apart: np.ndarray) -> float:
     return float(np.mean((residual[1:] * residual[:-1])[beside])) / power
 
 
-def colour_of(residual: np.ndarray, used: np.ndarray, false: tuple[float, ...] = ()) -> Colour:
+def colour_of(
+    residual: np.ndarray, used: np.ndarray, columns: np.ndarray, false: tuple[float, ...] = ()
+) -> Colour:
     """Return the noise of neighbouring bins, with a correlation within limits; slightly negative ones are set to 0.
 
     The error of the acceleration alternates, and hides a part of the correlation of the torque's noise. It is told apart where
-    residuals are correlated positively.
+    residuals are correlated positively. So is what the fit took of the noise.
 
     Args:
         residual: of the fit, (n,).
         used: mask of the fitted samples, (n,).
+        columns: that were fitted, (n, p).
         false: products by lag of what the acceleration's error adds to the residual, (LAGS,); empty: nothing.
     """
     at = np.flatnonzero(used)
@@ -86,12 +96,46 @@ def colour_of(residual: np.ndarray, used: np.ndarray, false: tuple[float, ...] =
     if SLIGHT < correlation < 0.0:
         return WHITE
     if not (correlation > 0.0 and width > 0.0 and false and false[0] > 0.0):
-        return Colour(correlation)
+        return Colour(before_fit(correlation, columns, used))
     shares = min(CLIPPED / float(np.mean(score**2)), HIDDEN / false[0]) * np.array(false)
     alone, rounding = float((correlation - shares[1]) / (1.0 - shares[0])), shares / (1.0 - shares[0])
     if alone > MOST or rounding[0] < SHOWN * (1.0 - alone):  # what the model lacks is no such noise
-        return Colour(correlation)
-    return Colour(alone, as_noise(rounding))
+        return Colour(before_fit(correlation, columns, used))
+    return Colour(before_fit(alone, columns, used), as_noise(rounding))
+
+
+def before_fit(correlation: float, columns: np.ndarray, used: np.ndarray) -> float:
+    """Return the correlation of neighbours in noise, by that in the residuals of a fit, which took what looks like its columns [-].
+
+    With P = 1 - Q Q', Q the orthonormal columns, G the correlation of the noise, and J the shift by a sample and back, halved, the
+    residuals' products of neighbours and squares are those of the noise less tr (J G - P J P G) and tr (G - P G).
+
+    Args:
+        correlation: of neighbouring residuals [-].
+        columns: that were fitted, (n, p).
+        used: mask of the fitted samples, (n,).
+    """
+    count, pairs = int(np.count_nonzero(used)), int(np.count_nonzero(used[1:] & used[:-1]))
+    p = columns.shape[1]
+    if not (correlation > 0.0 and pairs > 0) or 4.0 * p < SMALL * (1.0 - correlation) * count:
+        return correlation
+    Q = np.zeros(columns.shape)
+    Q[used] = np.linalg.qr(columns[used])[0]
+    beside = np.zeros(Q.shape)
+    beside[1:] += 0.5 * Q[:-1]
+    beside[:-1] += 0.5 * Q[1:]
+    beside *= used[:, None]
+    found = correlation
+    for _ in range(ROUNDS):
+        band = np.tile([[-found], [1.0 + found**2]], len(Q))  # of the inverse of G, but for a factor
+        band[1, [0, -1]] = 1.0
+        G = (1.0 - found**2) * solveh_banded(band, Q)
+        inside = Q.T @ G
+        squares = float(np.trace(inside))
+        products = 2.0 * float(np.sum(beside * G)) - float(np.sum((beside.T @ Q) * inside))
+        found = (correlation * (count - squares) / count * pairs + products) / pairs
+        found = min(max(found, correlation), 0.5 * (1.0 + correlation), MOST)
+    return found
 
 
 def as_noise(products: np.ndarray) -> tuple[float, ...]:

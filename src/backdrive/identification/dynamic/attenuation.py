@@ -77,7 +77,7 @@ def restore_inertia(fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None 
     residual = search.evaluate(point[None])[0]
     if not search.cost(residual, search.scale(found.residual)) <= WORSE * found.cost:
         return fit
-    after = replace(search.at(point, residual), instants=found.instants)
+    after = replace(search.at(point, residual), instants=found.instants, independent=found.independent)
     more = found.evaluations + search.evaluations
     return conclude(problem, replace(after, converged=found.converged, evaluations=more), fit.loss, whiten)
 

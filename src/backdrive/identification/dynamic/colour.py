@@ -71,7 +71,7 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
         return whiten_both(means.reshape(len(means), -1), bins, colour).reshape(means.shape).T
 
     search = Search(lambda p: white_means(problem.residuals(p)), problem.lower, problem.upper, loss=fit.loss)
-    found = replace(search.run(first.point, iterations=ITERATIONS), instants=bins * width)
+    found = replace(search.run(first.point, iterations=ITERATIONS), instants=bins * width, independent=colour.independent)
     if found.interrupted:
         raise KeyboardInterrupt
     second = conclude(problem, found, fit.loss, white_means)
@@ -110,7 +110,9 @@ def _colour(
     if "inertia" in fit.values and (false_rows := false_acceleration(problem)).size:
         grid[1:, at] = average(found.weight * false_rows * fit.values["inertia"])
         false = tuple(_product(grid[1:], used, lag) for lag in range(LAGS))
-    colour = colour_of(grid[0], used, false)
+    columns = np.zeros((used.size, found.jacobian.shape[1]))
+    columns[at] = average(found.jacobian.T).T
+    colour = colour_of(grid[0], used, columns, false)
     if colour.correlation > LEAST:
         return colour
     power = regression.robust_spread(grid[0, at]) ** 2

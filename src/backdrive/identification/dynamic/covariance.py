@@ -45,6 +45,7 @@ def search_covariance(
     free: np.ndarray,
     instants: np.ndarray | None = None,
     inputs: np.ndarray | None = None,
+    independent: float = 1.0,
 ) -> Covariance:
     """Return the covariance of a weighted least-squares fit, such that 1.96 standard errors correspond to 95 %.
 
@@ -59,6 +60,7 @@ def search_covariance(
         free: coordinates that are not at a bound, (P,).
         instants: index of the sample of each residual, with records at least `noise.LONGEST` apart, (m,); None: consecutive.
         inputs: changes of the residuals by random errors of the motion, one draw per row, (D, m).
+        independent: share of the residuals that was independent before they were whitened [-].
     """
     m, P = jacobian.shape
     matrix, correlation = np.full((P, P), np.nan), np.eye(P)
@@ -79,7 +81,7 @@ def search_covariance(
         moves = (inputs * weight) @ J @ bread
         plain = plain + moves.T @ moves / len(inputs)
     least = np.sqrt(np.maximum(np.diag(plain), 1e-300))
-    noisy = _noise_covariance(J, residual, weight, at)
+    noisy = _noise_covariance(J, residual, weight, at, independent)
     root = np.sqrt(np.maximum(np.diag(noisy), 1e-300))
     grown = np.maximum(_excess(J, weight * residual, bread, at, root**2), least / root)
     matrix[np.ix_(seen, seen)] = noisy * np.outer(grown, grown) / np.outer(size, size)
@@ -87,7 +89,9 @@ def search_covariance(
     return result
 
 
-def _noise_covariance(J: np.ndarray, residual: np.ndarray, weight: np.ndarray, at: np.ndarray) -> np.ndarray:
+def _noise_covariance(
+    J: np.ndarray, residual: np.ndarray, weight: np.ndarray, at: np.ndarray, share: float
+) -> np.ndarray:
     """Return the covariance for stationary noise with the autocorrelation of the weighted residuals, (P, P).
 
     Args:
@@ -95,6 +99,7 @@ def _noise_covariance(J: np.ndarray, residual: np.ndarray, weight: np.ndarray, a
         residual: (m,).
         weight: of the residuals, (m,).
         at: index of the sample of each residual, (m,).
+        share: of the residuals that was independent before they were whitened [-].
     """
     value, vector = np.linalg.eigh(J.T @ J)
     seen = value > LEAST * value.max()
@@ -109,7 +114,7 @@ def _noise_covariance(J: np.ndarray, residual: np.ndarray, weight: np.ndarray, a
     known, independent = noise.covariance_of_scores(Z, score, used, np.eye(Z.shape[1]))
     inner[np.ix_(seen, seen)] = known
     covariance = spread @ inner @ spread.T / slope_of_scores(weight) ** 2
-    return regression.widen_covariance(covariance, independent - Z.shape[1])
+    return regression.widen_covariance(covariance, share * independent - Z.shape[1])
 
 
 def slope_of_scores(weight: np.ndarray) -> float:

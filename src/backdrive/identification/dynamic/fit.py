@@ -173,6 +173,7 @@ def conclude(
         ~at_bound,
         problem.instants if found.instants is None else found.instants,
         inputs if whiten is None else whiten(inputs),
+        found.independent,
     )
     root = np.sqrt(np.diag(cov.matrix))
     errors, relative = {}, np.full(len(root), np.inf)

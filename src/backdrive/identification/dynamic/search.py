@@ -45,6 +45,7 @@ class SearchResult:
         evaluations: number of evaluations of the model.
         interrupted: a person stopped the search; this is the best result so far.
         instants: index of the sample of each residual, (m,); None: as the problem has them.
+        independent: share of the residuals that was independent before they were whitened [-].
     """
 
     point: np.ndarray
@@ -56,6 +57,7 @@ class SearchResult:
     evaluations: int
     interrupted: bool = False
     instants: np.ndarray | None = None
+    independent: float = 1.0
 
 
 class Search:

@@ -209,11 +209,9 @@ class TorqueTask(Task):
         return directions.gain(one, np.concatenate(velocity)) > 1.0 - (1.0 - choice.WORTH) ** 2
 
     def explains(self, final: Fit, judged: Fit) -> bool:
-        """Return whether the fit to all data explains them about as well as the fit without held-out data."""
-        stretches = [s for _, s in self.pairs]
-        return (
-            choice.training_error(final, stretches)[0] <= WORSE * choice.training_error(judged, stretches)[0]
-        )
+        """Return whether the fit to all data explains what it was fitted to about as well as the fit without held-out data."""
+        fitted: Sequence[Stretch] = final.problem.stretches  # type: ignore[attr-defined]
+        return choice.training_error(final, fitted)[0] <= WORSE * choice.training_error(judged, fitted)[0]
 
     def sharpen(self, final: Fit) -> Fit:
         """Return the final fit without the encoder's effect on its inertia, with its coloured noise whitened, through reversals."""
