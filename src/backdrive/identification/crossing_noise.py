@@ -2,9 +2,9 @@
 
 The torque's noise is an autoregression of first order, r_k = c r_(k-1) + e_k. Beside it stand the rounding of the positions, which
 enters the acceleration through the weights of a second difference, and what sampling leaves open at each sample. Of r_k - c r_(k-1)
-the covariance has a band of a few samples, whose Cholesky factor makes it white (Aitken 1935). The noise is the likeliest one of
-what no column tells (restricted likelihood: Patterson & Thompson, Biometrika 58, 1971): slow noise looks like a column now and then,
-and what a fit leaves of it seems faster than it is.
+the covariance has a band of a few samples, whose Cholesky factor makes it white (Aitken 1935).
+The noise is the likeliest one of what no column tells (restricted likelihood: Patterson & Thompson, Biometrika 58, 1971): slow
+noise looks like a column now and then, and what a fit leaves of it seems faster than it is.
 """
 
 from __future__ import annotations

@@ -151,7 +151,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         missed = misses_of(replace(raw, used=bins.used), choice, lowest)
         missed = replace(missed, seen=max(lowest, bins.slowest(LONG_ENOUGH / seconds)))
         return (
-            replace(choice, covariance=noise.covariance_of_fit(bins.X, left, bins.used, slip.colour.independent)),
+            replace(
+                choice, covariance=noise.covariance_of_fit(bins.X, left, bins.used, slip.colour.independent)
+            ),
             bins,
             lowest,
             missed,

@@ -28,6 +28,8 @@ ROUNDS = 4  # number of iterations; in each, the part removed by the fit follows
 WHOLE = 10.0  # weight of the noise of all runs in the noise of one run [independent sample]
 FEWEST = 3.0  # least degrees of freedom of an error
 PIECE = 16_384  # number of frequencies whose products are summed together
+SLOW = 0.02  # least share of columns in the independent samples with which the colour counts in what a fit takes [-]
+LONG = 100_000  # number of samples above which a fit takes hardly anything
 LEAST = 0.1  # least variance of a sum, relative to that of white noise of the same size [-]
 
 
@@ -151,10 +153,15 @@ def covariance_of_scores(
     sums = _sums(score, lags)
     each = np.fft.rfft(X.T, fft_length(len(X) + lags))
     lost = _white_loss(each, inverse, len(X), lags)
-    products = (sums + sums[0] / max(size - p, 1) * lost) / np.maximum(_sums(used.astype(float), lags), 1.0)
-    correlation = taper(products / products[0], size)
-    independent = size / max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
-    return products[0] * _possible(_between_columns(each, correlation), X.T @ X), independent
+    counts = np.maximum(_sums(used.astype(float), lags), 1.0)
+    for _ in range(ROUNDS):
+        products = (sums + sums[0] / max(size - float(lost[0]), LEAST * size) * lost) / counts
+        correlation = taper(products / products[0], size)
+        wide = max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
+        if p * wide < SLOW * size or size > LONG:
+            break
+        lost = _coloured_loss(X, used, inverse, correlation, lags)
+    return products[0] * _possible(_between_columns(each, correlation), X.T @ X), size / wide
 
 
 def _possible(full: np.ndarray, white: np.ndarray) -> np.ndarray:
@@ -238,6 +245,25 @@ def _white_loss(each: np.ndarray, inverse: np.ndarray, n: int, lags: int) -> np.
     for column, row in zip(each, inverse, strict=True):  # one at a time: the columns of a long log are large
         power += np.conj(column) * (row @ each)
     return np.fft.irfft(power, fft_length(n + lags))[:lags]
+
+
+def _coloured_loss(
+    X: np.ndarray, used: np.ndarray, inverse: np.ndarray, correlation: np.ndarray, lags: int
+) -> np.ndarray:
+    """Return the same for noise of a correlation: with G its matrix, 2 tr J_h G H - tr J_h H G H, by lag, (lags,).
+
+    Args:
+        X: columns, 0 at samples that are not used, (n, p).
+        used: mask of the fitted samples, (n,).
+        inverse: (X'X)^-1, (p, p).
+        correlation: by lag [-], (L,).
+        lags: number of lags.
+    """
+    G = _toeplitz(X, correlation) * used[:, None]
+    left = 2.0 * G - X @ (inverse @ (X.T @ G))
+    size = fft_length(len(X) + lags)
+    each, other = np.fft.rfft((X @ inverse).T, size), np.fft.rfft(left.T, size)
+    return np.fft.irfft(np.sum(np.conj(each) * other, axis=0).real, size)[:lags]
 
 
 def _sums(x: np.ndarray, lags: int) -> np.ndarray:

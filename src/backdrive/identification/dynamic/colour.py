@@ -71,7 +71,9 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
         return whiten_both(means.reshape(len(means), -1), bins, colour).reshape(means.shape).T
 
     search = Search(lambda p: white_means(problem.residuals(p)), problem.lower, problem.upper, loss=fit.loss)
-    found = replace(search.run(first.point, iterations=ITERATIONS), instants=bins * width, independent=colour.independent)
+    found = replace(
+        search.run(first.point, iterations=ITERATIONS), instants=bins * width, independent=colour.independent
+    )
     if found.interrupted:
         raise KeyboardInterrupt
     second = conclude(problem, found, fit.loss, white_means)

@@ -199,7 +199,9 @@ def band(final: Fit, velocity: np.ndarray) -> np.ndarray:
     """Return the standard error of the steady curve at velocities [N.m or N]."""
     at, found = np.isfinite([final.standard_errors[n] for n in final.problem.names]), final.found
     instants = final.problem.instants if found.instants is None else found.instants
-    cov = search_covariance(found.jacobian, found.residual, found.weight, at, instants, independent=found.independent)
+    cov = search_covariance(
+        found.jacobian, found.residual, found.weight, at, instants, independent=found.independent
+    )
     centre, columns = final.law.torque(velocity), []
     for i in np.flatnonzero(at):
         moved = found.point.copy()
