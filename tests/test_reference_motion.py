@@ -81,9 +81,10 @@ def fitted_line(logs):
     every = np.concatenate([s.velocity[s.moving] for s in stretches])
     low = SLOW * min(every.max(), -every.min())
 
-    def averaged(late):
+    def averaged(late, used=None):
         bins = bin_means([delay.delay_signals(s, late) for s in stretches], knots, seconds=seconds)
-        return bins.faster(low).whiten(slip.colour)
+        bins = bins.faster(low) if used is None else replace(bins, used=used)
+        return bins.whiten(slip.colour)
 
     bins = averaged(slip.delay)
     blocks = bins.equations()
@@ -91,14 +92,14 @@ def fitted_line(logs):
     X = bins.X @ option.spread
     y, used = bins.y, bins.used
     left = y - X @ choice.coefficients
-    later = replace(averaged(slip.delay + slip.error), used=used)
+    later = averaged(slip.delay + slip.error, used)
     width = regression.HUBER * 1.4826 * np.median(np.abs(left[used]))
     root = np.sqrt(used * np.minimum(1.0, width / np.maximum(np.abs(left), 1e-300)))[:, None]
     moved_by = (
         X - later.X @ option.spread
     ) @ choice.coefficients  # what the coefficients have to make up for
     change = np.linalg.lstsq(root * X, root[:, 0] * moved_by, rcond=None)[0]
-    covariance = noise.covariance_of_fit(X, left, used) + np.outer(change, change)
+    covariance = noise.covariance_of_fit(X, left, used, slip.colour.independent) + np.outer(change, change)
     return choice, covariance, slip, stretches
 
 

@@ -73,18 +73,19 @@ def ar_and_difference(correlation: float, size: float, n: int) -> np.ndarray:
 def test_what_rounding_adds_does_not_hide_the_correlation_of_the_torque_s_noise():
     n, correlation, size = 40_000, 0.8, 0.5
     both, used = ar_and_difference(correlation, size, n), np.ones(n, dtype=bool)
+    level = np.ones((n, 1))
     false = 2.0 * size**2, -(size**2), 0.0, 0.0
     hidden = (correlation - size**2) / (1.0 + 2.0 * size**2)
-    assert colour_of(both, used).correlation == pytest.approx(hidden, abs=0.03)
-    found = colour_of(both, used, false)
+    assert colour_of(both, used, level).correlation == pytest.approx(hidden, abs=0.03)
+    found = colour_of(both, used, level, false)
     assert found.correlation == pytest.approx(correlation, abs=0.04)
     assert found.rounding == pytest.approx(false, abs=0.04)
     # an error far below the noise is left out, one that exceeds the residual makes no nonsense, and a negative correlation stays
-    assert colour_of(both, used, tuple(1e-3 * x for x in false)).rounding == ()
+    assert colour_of(both, used, level, tuple(1e-3 * x for x in false)).rounding == ()
     # one that would leave a correlation of more than one explains something else: what the model lacks
-    assert colour_of(both, used, (100.0, -50.0, 0.0, 0.0)) == colour_of(both, used)
+    assert colour_of(both, used, level, (100.0, -50.0, 0.0, 0.0)) == colour_of(both, used, level)
     alone = np.diff(RNG.standard_normal(n))
-    assert colour_of(alone, used[1:], false) == colour_of(alone, used[1:])
+    assert colour_of(alone, used[1:], level[1:], false) == colour_of(alone, used[1:], level[1:])
 
 
 @pytest.mark.parametrize("gaps", [False, True])

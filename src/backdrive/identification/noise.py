@@ -134,7 +134,8 @@ def covariance_of_fit(
     inverse = regression.invert(kept.T @ kept)
     covariance, independent = covariance_of_scores(kept, score, used, inverse)
     bread = inverse / max(float(np.mean(np.abs(residual[used]) <= width)), LEAST)
-    return regression.widen_covariance(bread @ covariance @ bread, share * independent - p)
+    freedom = min(independent, share * np.count_nonzero(used)) - p
+    return regression.widen_covariance(bread @ covariance @ bread, freedom)
 
 
 def covariance_of_scores(
@@ -160,7 +161,7 @@ def covariance_of_scores(
         wide = max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
         if p * wide < SLOW * size or size > LONG:
             break
-        lost = _coloured_loss(X, used, inverse, correlation, lags)
+        lost = _loss_of_colour(X, used, inverse, correlation, lags)
     return products[0] * _possible(_between_columns(each, correlation), X.T @ X), size / wide
 
 
@@ -247,7 +248,7 @@ def _white_loss(each: np.ndarray, inverse: np.ndarray, n: int, lags: int) -> np.
     return np.fft.irfft(power, fft_length(n + lags))[:lags]
 
 
-def _coloured_loss(
+def _loss_of_colour(
     X: np.ndarray, used: np.ndarray, inverse: np.ndarray, correlation: np.ndarray, lags: int
 ) -> np.ndarray:
     """Return the same for noise of a correlation: with G its matrix, 2 tr J_h G H - tr J_h H G H, by lag, (lags,).

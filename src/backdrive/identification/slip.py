@@ -233,20 +233,25 @@ def seek_slip(
         variance = max(variance, float(regression.sandwich(bins.equations(theta), theta)[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
     if not rough:
-        error = math.hypot(error, period / math.sqrt(6.0 * _moments(bins, jerk)))
+        error = math.hypot(error, math.sqrt(between_samples(bins.X[bins.used], jerk, period)))
     return Slip(delay=delay, error=error, period=period, colour=colour)
 
 
-def _moments(bins: Bins, jerk: int) -> float:
-    """Return the effective number of bins that tell the delay, at least 1 [-].
+def between_samples(X: np.ndarray, delay: int, period: float) -> float:
+    """Return the variance of a delay by what happens between samples [s^2].
 
     A jump of the acceleration between two samples looks alike wherever between them it is. A delay that few jumps tell is
     uncertain by a part of the sampling interval.
+
+    Args:
+        X: columns that were fitted, whitened if the fit was, (n, p).
+        delay: index of the one by which the delay was found.
+        period: sampling interval [s].
     """
-    X = bins.X[bins.used]
-    others = np.delete(X, jerk, axis=1)
-    told = (X[:, jerk] - others @ regression.solve(others.T @ others, others.T @ X[:, jerk])) ** 2
-    return max(float(told.sum() ** 2 / max((told**2).sum(), 1e-300)), 1.0)
+    others = np.delete(X, delay, axis=1)
+    told = (X[:, delay] - others @ regression.solve(others.T @ others, others.T @ X[:, delay])) ** 2
+    moments = max(float(told.sum() ** 2 / max((told**2).sum(), 1e-300)), 1.0)
+    return period**2 / (6.0 * moments)
 
 
 def _next(tried: list[tuple[float, float]], lever: float) -> tuple[float, float, bool]:

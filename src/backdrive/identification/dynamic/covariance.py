@@ -114,7 +114,7 @@ def _noise_covariance(
     known, independent = noise.covariance_of_scores(Z, score, used, np.eye(Z.shape[1]))
     inner[np.ix_(seen, seen)] = known
     covariance = spread @ inner @ spread.T / slope_of_scores(weight) ** 2
-    return regression.widen_covariance(covariance, share * independent - Z.shape[1])
+    return regression.widen_covariance(covariance, min(independent, share * len(at)) - Z.shape[1])
 
 
 def slope_of_scores(weight: np.ndarray) -> float:

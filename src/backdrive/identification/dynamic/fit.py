@@ -10,13 +10,16 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.engine import Axis
+from backdrive.identification import regression
 from backdrive.identification.dynamic import words
 from backdrive.identification.dynamic.covariance import search_covariance
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.search import SearchResult
+from backdrive.identification.dynamic.torque import TorqueProblem
 from backdrive.identification.dynamic.uncertainty import WEAK, intervals
 from backdrive.identification.evidence import sentences
 from backdrive.identification.options import Interval
+from backdrive.identification.slip import between_samples
 from backdrive.laws import Law
 from backdrive.model import Covariance
 
@@ -175,7 +178,8 @@ def conclude(
         inputs if whiten is None else whiten(inputs),
         found.independent,
     )
-    root = np.sqrt(np.diag(cov.matrix))
+    matrix = cov.matrix + _between_samples(problem, found, cov.matrix)
+    root = np.sqrt(np.diag(matrix))
     errors, relative = {}, np.full(len(root), np.inf)
     slope = np.array([u.slope(values[u.name]) for u in problem.unknowns])
     for i, u in enumerate(problem.unknowns):
@@ -213,7 +217,7 @@ def conclude(
         name=problem.shape.name,
         values=problem.shape.complete(values),
         standard_errors=problem.shape.complete(errors),
-        covariance=Covariance.of(problem.names, cov.matrix * np.outer(slope, slope)),
+        covariance=Covariance.of(problem.names, matrix * np.outer(slope, slope)),
         at_bound=tuple(problem.names[i] for i in np.flatnonzero(at_bound)),
         unseen=unseen,
         rms=rms,
@@ -228,3 +232,30 @@ def conclude(
         found=found,
         loss=loss,
     )
+
+
+def _between_samples(problem: Problem, found: SearchResult, matrix: np.ndarray) -> np.ndarray:
+    """Return the covariance by what the delay of a torque misses between samples [search coordinate], (P, P).
+
+    Args:
+        problem: whose residuals were fitted.
+        found: end of the search.
+        matrix: covariance by noise, (P, P).
+    """
+    added = np.zeros(matrix.shape)
+    if "delay" not in problem.names or not isinstance(problem, TorqueProblem):
+        return added
+    k, free = problem.names.index("delay"), np.isfinite(np.diag(matrix))
+    if not free[k]:
+        return added
+    X = found.jacobian[:, free] * np.sqrt(found.weight)[:, None]
+    X, at = X / np.linalg.norm(X, axis=0), int(np.count_nonzero(free[:k]))
+    unknown = problem.unknowns[k]
+    slope = unknown.slope(problem.values(found.point)["delay"])
+    others = np.delete(X, at, axis=1)
+    move = np.insert(-regression.solve(others.T @ others, others.T @ X[:, at]), at, 1.0)
+    size = np.linalg.norm(found.jacobian[:, free] * np.sqrt(found.weight)[:, None], axis=0)
+    move *= size[at] / size
+    period = max(s.dt for s in problem.stretches)
+    added[np.ix_(free, free)] = between_samples(X, at, period) / slope**2 * np.outer(move, move)
+    return added

@@ -21,6 +21,7 @@ from backdrive.identification.dynamic.crossing import (
     lags_behind,
     possible,
     sliding,
+    sliding_only,
     slips_too_early,
     without_build_up,
 )
@@ -209,9 +210,17 @@ class TorqueTask(Task):
         return directions.gain(one, np.concatenate(velocity)) > 1.0 - (1.0 - choice.WORTH) ** 2
 
     def explains(self, final: Fit, judged: Fit) -> bool:
-        """Return whether the fit to all data explains what it was fitted to about as well as the fit without held-out data."""
-        fitted: Sequence[Stretch] = final.problem.stretches  # type: ignore[attr-defined]
-        return choice.training_error(final, fitted)[0] <= WORSE * choice.training_error(judged, fitted)[0]
+        """Return whether the fit to all data explains them about as well as the fit without held-out data.
+
+        Where one of the two is a fit to sliding, only sliding counts: what it leaves at reversals depends on its delay alone. A
+        delay that ended at its bound explains nothing.
+        """
+        if "delay" in final.at_bound and "delay" not in judged.at_bound:
+            return False
+        stretches = sliding_only(final, sliding_only(judged, [s for _, s in self.pairs]))
+        return (
+            choice.training_error(final, stretches)[0] <= WORSE * choice.training_error(judged, stretches)[0]
+        )
 
     def sharpen(self, final: Fit) -> Fit:
         """Return the final fit without the encoder's effect on its inertia, with its coloured noise whitened, through reversals."""
