@@ -8,4 +8,5 @@ from backdrive.engine.forward import Motions as Motions
 from backdrive.engine.forward import forward as forward
 from backdrive.engine.series import Lanes as Lanes
 from backdrive.engine.series import rollout as rollout
+from backdrive.engine.series import unlike as unlike
 from backdrive.engine.servo import Servo as Servo

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from backdrive.model import FrictionModel
 
 
+#: Ticks of friction without a state, all lanes together, below which starting threads costs more than they give.
+QUICK = 100_000
+
 Kinds = tuple[int, int, bool, int]
 
 
@@ -124,7 +127,8 @@ class Lanes:
                 if a < b:
                     loop(lanes[a:b], self.rows, X, motion, dp, dt, loads, temperature, *room(), out)
 
-        spread(work, len(motion), workers)
+        small = workers is None and not asked and len(motion) * n < QUICK
+        spread(work, len(motion), 1 if small else workers)
         return out
 
     def _loop(
@@ -142,6 +146,19 @@ class Lanes:
             return loops.one_by_one(*kinds, tame), loops.work
         shared = bool((motion[lanes] == motion[lanes[0]]).all())
         return loops.lane_loop(rate, element, 1 + int(self.rows[lanes[0], 0]), tame, shared), loops.work
+
+
+def unlike(laws: Sequence[Law], motion: np.ndarray) -> tuple[list[int], list[int]]:
+    """Return the lanes that differ, and for every lane the place among them of the one that is like it, (L,).
+
+    Args:
+        laws: of the lanes, all of one kind.
+        motion: number of the motion of each lane, (L,).
+    """
+    places: dict[tuple[bytes, int], int] = {}
+    keys = zip((law.row().tobytes() for law in laws), motion.tolist(), strict=True)
+    alike = [places.setdefault(key, len(places)) for key in keys]
+    return [alike.index(place) for place in range(len(places))], alike
 
 
 def increments(q: np.ndarray | None, dq: np.ndarray | None, dt: float) -> np.ndarray:

@@ -117,7 +117,7 @@ def before_fit(correlation: float, columns: np.ndarray, used: np.ndarray) -> flo
     """
     count, pairs = int(np.count_nonzero(used)), int(np.count_nonzero(used[1:] & used[:-1]))
     p = columns.shape[1]
-    if not (correlation > 0.0 and pairs > 0) or 4.0 * p < SMALL * (1.0 - correlation) * count:
+    if not (correlation > -SLIGHT and pairs > 0) or 4.0 * p < SMALL * (1.0 - correlation) * count:
         return correlation
     Q = np.zeros(columns.shape)
     Q[used] = np.linalg.qr(columns[used])[0]
@@ -133,8 +133,10 @@ def before_fit(correlation: float, columns: np.ndarray, used: np.ndarray) -> flo
         inside = Q.T @ G
         squares = float(np.trace(inside))
         products = 2.0 * float(np.sum(beside * G)) - float(np.sum((beside.T @ Q) * inside))
-        found = (correlation * (count - squares) / count * pairs + products) / pairs
+        before, found = found, (correlation * (count - squares) / count * pairs + products) / pairs
         found = min(max(found, correlation), 0.5 * (1.0 + correlation), MOST)
+        if abs(found - before) < SMALL * (1.0 - found):
+            break
     return found
 
 

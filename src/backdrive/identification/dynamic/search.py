@@ -223,18 +223,19 @@ class Search:
         """
         w = self.weights(residual, sigma)
         usable = np.isfinite(jacobian).all(axis=0)
-        J = np.where(usable, jacobian, 0.0)
+        J = jacobian if usable.all() else np.where(usable, jacobian, 0.0)
         gradient = J.T @ (w * residual)
         normal = J.T @ (w[:, None] * J)
         free = usable & ~(((point <= self.lower) & (gradient > 0)) | ((point >= self.upper) & (gradient < 0)))
         size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
         ends = []
+        value, vector = np.linalg.eigh(normal[np.ix_(free, free)] / np.outer(size[free], size[free]))
+        along, directions = vector.T @ (gradient[free] / size[free]), vector / size[free][:, None]
         for damping in dampings:
-            move = np.zeros_like(point)
-            if free.any():
-                A = normal[np.ix_(free, free)] / np.outer(size[free], size[free])
-                A[np.diag_indices_from(A)] += damping
-                move[free] = -np.linalg.lstsq(A, gradient[free] / size[free], rcond=None)[0] / size[free]
+            move, stiff = np.zeros_like(point), value + damping
+            if stiff.size:
+                told = stiff > stiff.size * np.finfo(float).eps * stiff[-1]
+                move[free] = -directions[:, told] @ (along[told] / stiff[told])
             move = np.clip(move, -farthest, farthest)
             ends += [np.clip(point + length * move, self.lower, self.upper) for length in lengths]
         return np.array(ends), np.repeat(dampings, len(lengths))

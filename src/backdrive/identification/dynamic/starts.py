@@ -9,6 +9,7 @@ import numpy as np
 
 from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
+from backdrive.identification import regression
 from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.torque import SLOW, SMOOTHED, Stretch, TorqueProblem
 from backdrive.identification.dynamic.unknowns import Scales
@@ -83,12 +84,12 @@ def delay_of(stretches: Sequence[Stretch], terms: Sequence[str], reach: float) -
     v = s.velocity
     motion = np.vstack([np.sign(v), v, columns(s, terms)])[:, at]
     torque, use = s.torque[at], (s.judged & (np.abs(v) > SLOW * np.abs(v).max()))[at]
-    farthest = round(reach / dt)
+    measured, farthest = torque[use], round(reach / dt)
     step = max(1, farthest // 12)
 
     def misfit(late: int) -> float:
         A = earlier(motion, float(late))[:, use].T
-        return float(np.sum((torque[use] - A @ _least_squares(A, torque[use])) ** 2))
+        return float(np.sum((measured - A @ regression.solve(A.T @ A, A.T @ measured)) ** 2))
 
     best = min(range(-(farthest // step) * step, farthest + 1, step), key=misfit)
     return dt * min(range(best - step + 1, best + step), key=misfit)

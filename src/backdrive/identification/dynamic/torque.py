@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from backdrive.engine import Lanes
+from backdrive.engine import Lanes, unlike
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.problem import Problem
@@ -203,20 +203,19 @@ class TorqueProblem(Problem):
         if self.shape.element is DeadZone:
             zones = np.array([v.get("threshold", self.shape.fixed.get("threshold", 0.0)) for v in values])
             laws = [Law(rate=law.rate) for law in laws]
-        lanes = Lanes(laws)
         beta = np.array([[*(v[t] for t in self.terms), *self.known.values()] for v in values])
         rigid = self.shape.element.SET_VALUED
         delays, which = np.unique([v.get("delay", 0.0) for v in values], return_inverse=True)
+        own, alike = unlike(laws, which)  # sets that differ by other terms alone have the same friction
+        lanes = Lanes([laws[i] for i in own])
         predicted, kept = [], {}
         before = self._moved if records is None else {}
         for k, (s, X) in enumerate(pairs):
             moved = [before[k, d] if (k, d) in before else _late(s, X, d / s.dt, rigid) for d in delays]
             kept |= {(k, d): m for d, m in zip(delays, moved, strict=True) if len(s.dp) <= KEPT}
             dp, load = np.array([m[0] for m in moved]), np.array([m[1] for m in moved])
-            warmth = np.tile(
-                s.temperature, (len(delays), 1)
-            )  # a copy, since a view would be compiled for again
-            tau = lanes.torque(which, dp, s.dt, load, warmth)
+            warmth = np.tile(s.temperature, (len(delays), 1))  # a view would be compiled for again
+            tau = lanes.torque(which[own], dp, s.dt, load, warmth)[alike]
             if zones is not None:
                 tau *= _outside(dp[which] / s.dt, zones, self.blur)
             for j in range(len(delays) if len(X) and not friction else 0):
