@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.linalg import toeplitz
+from scipy.signal import lfilter
 
 from backdrive.identification import noise
 from backdrive.identification.noise import Noise, noise_of, taper
@@ -125,3 +126,32 @@ def test_a_short_log_s_fit_of_smooth_terms_scatters_as_it_says():
     # 1.11 where the autocovariance of the residuals is taken for that of the noise
     assert 0.93 < np.sqrt(np.mean(np.square(scaled))) < 1.04
     assert 0.93 < np.mean(np.abs(scaled) < 1.96) < 0.965
+
+
+def test_what_a_fit_takes_of_coloured_noise_is_that_of_the_projected_matrix():
+    rng, n = np.random.default_rng(7), 60
+    used = rng.uniform(size=n) < 0.8
+    X = rng.standard_normal((n, 3)) * used[:, None]
+    inverse = np.linalg.inv(X.T @ X)
+    G = matrix(n) * np.outer(used, used)
+    H = X @ inverse @ X.T
+    missing = G - (np.eye(n) - H) @ G @ (np.eye(n) - H)
+    expected = [np.trace(missing, lag) for lag in range(12)]
+    assert noise._loss_of_colour(X, used, inverse, RHO, 12) == pytest.approx(expected, abs=1e-12)
+
+
+def test_errors_of_a_fit_to_slow_noise_cover_what_they_promise():
+    """Coefficients of slow columns under an autoregression that forgets in 50 samples: the mean squared error is the stated one."""
+    rng, n, z = np.random.default_rng(11), 3000, []
+    t = np.arange(n) / 200.0
+    X = np.column_stack([np.ones(n), *(np.sin(2.0 * np.pi * f * t + f) for f in (0.2, 0.35, 0.6, 1.0, 1.7))])
+    inverse = np.linalg.inv(X.T @ X)
+    for _ in range(150):
+        drawn = rng.standard_normal(n) * np.sqrt(1.0 - 0.98**2)
+        drawn[0] /= np.sqrt(1.0 - 0.98**2)
+        e = lfilter([1.0], [1.0, -0.98], drawn)
+        theta = inverse @ X.T @ e
+        covariance = noise.covariance_of_fit(X, e - X @ theta, np.ones(n, dtype=bool))
+        z.append(theta / np.sqrt(np.diag(covariance)))
+    assert float(np.sqrt(np.mean(np.square(z)))) == pytest.approx(1.0, abs=0.1)
+    assert float(np.mean(np.abs(z) < 1.96)) == pytest.approx(0.95, abs=0.03)

@@ -382,8 +382,8 @@ def test_stamps_that_vary_are_told_from_samples_that_do(late):
 
 def test_another_load_in_one_of_several_logs():
     logs = [any_motion(dry, inertia=j, seed=k, phase=3.0 * k) for k, j in enumerate((0.5, 0.7))]
-    (said,) = identify(logs, method="motion").model.joints[0].warnings
-    assert "Inertia or gravity differs between the logs" in said
+    said = identify(logs, method="motion").model.joints[0].warnings
+    assert sum("Inertia or gravity differs between the logs" in sentence for sentence in said) == 1
 
 
 def test_fine_cogging(sound):

@@ -10,6 +10,7 @@ from backdrive.identification.whitening import (
     WHITE,
     Colour,
     as_noise,
+    before_fit,
     colour_of,
     neighbours,
     whiten,
@@ -127,3 +128,22 @@ def test_products_by_lag_are_those_of_some_noise():
         assert np.all(
             np.isfinite(whiten_both(rng.standard_normal((at.size, 2)), at, Colour(0.0, tuple(found))))
         )
+
+
+def test_the_correlation_before_a_fit_is_that_of_the_noise():
+    """Against matrices written out: what is expected of a fit's residuals gives back the noise's correlation."""
+    n, correlation = 300, 0.9
+    t = np.arange(n)
+    used = np.sin(t / 3.0) > -0.8
+    columns = np.column_stack([np.ones(n), *(np.sin(t / k + k) for k in (10.0, 20.0, 35.0, 70.0))])
+    Q = np.zeros(columns.shape)
+    Q[used] = np.linalg.qr(columns[used])[0]
+    P = np.diag(used.astype(float)) - Q @ Q.T
+    left = P @ correlation ** np.abs(t[:, None] - t) @ P
+    beside = np.count_nonzero(used[1:] & used[:-1])
+    found = (np.trace(left, 1) / beside) / (np.trace(left) / np.count_nonzero(used))
+    assert found < correlation - 0.03
+    assert before_fit(found, columns, used) == pytest.approx(correlation, abs=2e-3)
+    assert before_fit(0.0, columns, used) == 0.0
+    many = np.ones((60_000, 1))
+    assert before_fit(0.9, many, np.ones(60_000, dtype=bool)) == 0.9

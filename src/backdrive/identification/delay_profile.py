@@ -21,7 +21,7 @@ CENTRED = 1.0  # largest distance of the minimum from a delay that is kept [stan
 ROUGHLY = 3.0  # the same of a delay that a clearer jerk tells, by more than the loss does [standard error]
 ROUNDS = 6  # largest number of parabolas
 FLAT = 0.02  # least curvature of a parabola that has a minimum, relative to that of the standard error [-]
-AGREES = 0.25  # least curvature with which the standard error is kept, likewise [-]
+AGREES = 0.4  # least curvature with which the standard error is kept, likewise [-]
 NORMAL = 0.82  # rise of Huber's loss relative to that of the squares, with normal residuals [-]
 
 

@@ -29,6 +29,7 @@ WHOLE = 10.0  # weight of the noise of all runs in the noise of one run [indepen
 FEWEST = 3.0  # least degrees of freedom of an error
 PIECE = 16_384  # number of frequencies whose products are summed together
 SLOW = 0.02  # least share of columns in the independent samples with which the colour counts in what a fit takes [-]
+SLOWER = 2.0  # variance of a sum by that for white noise above which noise is slow [-]
 LONG = 100_000  # number of samples above which a fit takes hardly anything
 LEAST = 0.1  # least variance of a sum, relative to that of white noise of the same size [-]
 
@@ -134,7 +135,7 @@ def covariance_of_fit(
     inverse = regression.invert(kept.T @ kept)
     covariance, independent = covariance_of_scores(kept, score, used, inverse)
     bread = inverse / max(float(np.mean(np.abs(residual[used]) <= width)), LEAST)
-    freedom = min(independent, share * np.count_nonzero(used)) - p
+    freedom = min(independent - p, max(share * np.count_nonzero(used), FEWEST))
     return regression.widen_covariance(bread @ covariance @ bread, freedom)
 
 
@@ -162,27 +163,32 @@ def covariance_of_scores(
         if p * wide < SLOW * size or size > LONG:
             break
         lost = _loss_of_colour(X, used, inverse, correlation, lags)
-    return products[0] * _possible(_between_columns(each, correlation), X.T @ X), size / wide
+    full, white = _between_columns(each, correlation), X.T @ X
+    weights = 1.0 - np.arange(correlation.size) / correlation.size  # those that fall from the first lag on
+    other = (
+        _between_columns(each, products[: weights.size] / products[0] * weights) if wide > SLOWER else None
+    )
+    return products[0] * _possible(full, white, other), size / wide
 
 
-def _possible(full: np.ndarray, white: np.ndarray) -> np.ndarray:
+def _possible(full: np.ndarray, white: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:
     """Return the covariance of weighted sums, or the nearest possible one, since an estimated correlation need not be one, (k, k).
+
+    No sum has less than `LEAST` of the variance that it has for white noise; others keep theirs.
 
     Args:
         full: by the estimated correlation, for noise of unit size, (k, k).
         white: for white noise of the same size, (k, k).
+        other: by an estimate that leaves no negative variance, for the sums that are corrected, (k, k); None: none.
     """
-    if np.any(np.diag(full) < LEAST * np.diag(white)):
-        return LEAST * white
-    full = 0.5 * (full + full.T)
-    if len(full) == 1:
-        return full
     size = np.sqrt(np.maximum(np.diag(white), 1e-300))
-    values, vectors = np.linalg.eigh(full / np.outer(size, size))
-    if values[0] > 0.0:
-        return full
-    least = LEAST * np.einsum("ik,ij,jk->k", vectors, white / np.outer(size, size), vectors)
-    return (vectors * np.where(values > 0.0, values, least)) @ vectors.T * np.outer(size, size)
+    beyond = 0.5 * (full + full.T) - LEAST * white
+    values, vectors = np.linalg.eigh(beyond / np.outer(size, size))
+    if values[0] >= 0.0:
+        return 0.5 * (full + full.T)
+    least = 0.0 if other is None else np.einsum("ik,ij,jk->k", vectors, other / np.outer(size, size), vectors)
+    values = np.where(values < 0.0, np.maximum(least, 0.0), values)
+    return (vectors * values) @ vectors.T * np.outer(size, size) + LEAST * white
 
 
 def taper(correlation: np.ndarray, count: int) -> np.ndarray:

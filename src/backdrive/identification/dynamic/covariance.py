@@ -114,7 +114,8 @@ def _noise_covariance(
     known, independent = noise.covariance_of_scores(Z, score, used, np.eye(Z.shape[1]))
     inner[np.ix_(seen, seen)] = known
     covariance = spread @ inner @ spread.T / slope_of_scores(weight) ** 2
-    return regression.widen_covariance(covariance, min(independent, share * len(at)) - Z.shape[1])
+    freedom = min(independent - Z.shape[1], max(share * len(at), noise.FEWEST))
+    return regression.widen_covariance(covariance, freedom)
 
 
 def slope_of_scores(weight: np.ndarray) -> float:
