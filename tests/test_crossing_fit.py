@@ -5,8 +5,9 @@ import pytest
 
 from backdrive import Joint, Log, identify
 from backdrive.identification import crossing_fit
-from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum
+from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum, noise_of
 from backdrive.identification.zero_crossing import (
+    EDGE,
     FINE,
     REACH,
     Course,
@@ -175,3 +176,34 @@ def test_a_stribeck_peak_is_no_crossing_that_is_known(monkeypatch):
     log = log_of(*joint(rng, peak=1.0), rng, 0.98)
     value, error, words = stated(log, monkeypatch, method="motion")
     assert crossing_fit.SAID not in words or abs(value - COULOMB) < 3.5 * error
+
+
+def test_the_noise_is_that_before_columns_took_a_part_of_it():
+    """Slow noise about eight slow columns: of residuals alone the likeliest noise forgets in half its time."""
+    rng, n = np.random.default_rng(5), 1500
+    t = np.arange(n) / RATE
+    X = np.column_stack(
+        [np.ones(n), *(np.sin(2.0 * np.pi * f * t + f) for f in (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8))]
+    )
+    passage = Passage(
+        measured=np.zeros(n + 2 * EDGE),
+        torque=np.zeros(n + 2 * EDGE),
+        corner=np.zeros(n + 2 * EDGE),
+        moving=np.ones(n + 2 * EDGE, dtype=bool),
+        rate=RATE,
+        terms=(),
+        noise=1e-9,
+    )
+    alone, beside = [], []
+    for _ in range(12):
+        e = np.zeros(n + 2)
+        for k in range(1, n + 2):
+            e[k] = 0.98 * e[k - 1] + rng.standard_normal()
+        e = numerov(e)[1:-1]
+        residual = e - X @ np.linalg.lstsq(X, e, rcond=None)[0]
+        given = [passage], [residual]
+        about = [np.zeros(n)], 1e-12, 0.0, Noise(0.97, 1.0)
+        alone.append(1.0 - noise_of(*given, [X[:, :1] * rng.standard_normal((n, 1))], *about).correlation)
+        beside.append(1.0 - noise_of(*given, [X], *about).correlation)
+    assert np.mean(alone) > 0.03
+    assert np.mean(beside) == pytest.approx(0.02, abs=0.006)

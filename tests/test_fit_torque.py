@@ -17,6 +17,7 @@ from backdrive.identification.dynamic.torque import Stretch, TorqueProblem, stre
 from backdrive.identification.dynamic.uncertainty import bootstrap, profile
 from backdrive.identification.dynamic.unknowns import LawShape, shares
 from backdrive.identification.signals import prepare
+from backdrive.identification.slip import between_samples
 from backdrive.laws import Law, MaxwellSlip, Polyline, StribeckGauss
 from backdrive.laws.examples import example
 from backdrive.logs.filters import low_pass
@@ -321,3 +322,26 @@ def test_a_fit_predicts_other_logs():
     moving = np.abs(other.velocity) > 0.05
     assert np.sqrt(np.mean((tau - other.torque)[moving] ** 2)) < 0.15
     assert conclude(found.problem, found.found).values == pytest.approx(found.values)
+
+
+def test_sets_that_share_their_friction_get_the_torque_that_each_gets_alone():
+    law = example("stribeck-gauss")
+    found = fitted(law.name, recorded(law, v=velocity(presliding=False)))
+    point = found.found.point
+    points = point + 0.01 * np.vstack([np.zeros(point.size), np.eye(point.size), np.eye(point.size)[::-1]])
+    together = found.problem.residuals(points)
+    assert np.array_equal(together, [found.problem.residuals(one[None])[0] for one in points])
+
+
+def test_the_error_of_a_delay_counts_what_lies_between_samples():
+    """Of one jump of the acceleration, a sixth of a squared interval; of many that tell alike, so much less."""
+    jumps = np.zeros((200, 1))
+    for many in (1, 4, 25):
+        jumps[:many, 0] = (-1.0) ** np.arange(many)
+        X = np.hstack([jumps, np.r_[np.zeros(100), np.ones(100)][:, None]])
+        assert between_samples(X, 0, DT) == pytest.approx(DT**2 / (6.0 * many))
+    law = Law(rate=StribeckGauss(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0))
+    found = fitted(law.name, recorded(law, v=velocity(presliding=False), noise=1e-6))
+    kept = found.found.jacobian * np.sqrt(found.found.weight)[:, None]
+    least = np.sqrt(between_samples(kept, found.problem.names.index("delay"), DT))
+    assert found.standard_errors["delay"] == pytest.approx(least, rel=0.2)
