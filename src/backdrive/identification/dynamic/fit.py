@@ -249,13 +249,10 @@ def _between_samples(problem: Problem, found: SearchResult, matrix: np.ndarray) 
     if not free[k]:
         return added
     X = found.jacobian[:, free] * np.sqrt(found.weight)[:, None]
-    X, at = X / np.linalg.norm(X, axis=0), int(np.count_nonzero(free[:k]))
-    unknown = problem.unknowns[k]
-    slope = unknown.slope(problem.values(found.point)["delay"])
+    at = int(np.count_nonzero(free[:k]))
+    slope = problem.unknowns[k].slope(problem.values(found.point)["delay"])
     others = np.delete(X, at, axis=1)
     move = np.insert(-regression.solve(others.T @ others, others.T @ X[:, at]), at, 1.0)
-    size = np.linalg.norm(found.jacobian[:, free] * np.sqrt(found.weight)[:, None], axis=0)
-    move *= size[at] / size
     period = max(s.dt for s in problem.stretches)
     added[np.ix_(free, free)] = between_samples(X, at, period) / slope**2 * np.outer(move, move)
     return added
