@@ -131,7 +131,7 @@ def _stated(result: Any, case: Case) -> Iterator[tuple[Any, ...]]:
     rate, terms = friction.law.rate, _terms(result, case)
     bounds = [oracle(case.records, terms, kind) for kind in KINDS]
     # by direction a constant torque cannot be told from friction: where no offset is stated it is in the friction
-    constant = 0.0 if terms.symmetric or "offset" in friction.dynamics else joint.offset
+    constant = 0.0 if terms.symmetric or "offset" in friction.dynamics else _bias(case, terms.gravity)
     intervals = result.intervals.get(friction.joint.name, {})
     if isinstance(rate, CoulombViscous):
         for way, word in enumerate(WAYS):
@@ -155,6 +155,15 @@ def _stated(result: Any, case: Case) -> Iterator[tuple[Any, ...]]:
             truth = sign * (float(joint.sliding(np.array([sign * max(speed, 1e-9)]))[0]) + constant)
             half = NORMAL * errors[i] if errors is not None else math.nan
             yield "curve", getattr(rate, word)[i] - truth, half, *(b.curve[way, i] for b in bounds)
+
+
+def _bias(case: Case, gravity: bool) -> float:
+    """Return the mean torque that is no friction, without that of gravity where gravity is stated."""
+    if gravity:
+        return case.joint.offset
+    sin, cos = case.joint.gravity
+    position = np.concatenate([record.position for record in case.records])
+    return case.joint.offset + float(np.nanmean(sin * np.sin(position) + cos * np.cos(position)))
 
 
 def _line_at_top(

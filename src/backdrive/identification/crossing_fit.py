@@ -7,8 +7,8 @@ log: a function of the speed, or a bristle, by width and elastic share (`zero_cr
 size: their products are taken out of the normal equations (W. Fuller, Measurement Error Models, 1987, Sec. 1.2), with weights that
 do not depend on what is fitted.
 
-The result counts only if it does not contradict a fit without the reversals (Hausman, Econometrica 46, 1978), and if noise alone is
-left about the crossings. Inertia and delay stay those of that fit: what a course has wrong looks like them first.
+The result counts only if it does not contradict a fit without the reversals (`agreement`), and if noise alone is left about the
+crossings. Inertia and delay stay those of that fit: what a course has wrong looks like them first.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.identification.agreement import agree
 from backdrive.identification.crossing_noise import Noise
 from backdrive.identification.crossing_search import FAST, CrossingFit, Estimate
 from backdrive.identification.signals import Signals
@@ -30,8 +31,6 @@ SLOW = 0.1  # least time in which the noise forgets [s]: faster noise leaves a r
 FINE = 0.1  # largest error of a second difference from the positions' rounding, by inertia, relative to Coulomb friction [-]
 SURE = 5.0  # least Coulomb friction and inertia of the first fit [standard error]
 LAGS = 4, 12  # distances at which the noise is first looked at [sample]
-MOVED = 3.5  # largest change of a number, relative to the error by which the two fits differ [-]
-LEAST_DIFFERENCE = 0.5  # least such error [standard error of the first fit]
 FAR = 0.1  # how much less likely than the other a kind of course is at first that is not searched, twice its logarithm a sample [-]
 MISSED = 1.4  # largest mean square of the whitened residuals near crossings [-]
 NEAR, BESIDE = 0.999, 3  # level below which a sample is near a crossing, and samples beside
@@ -78,10 +77,7 @@ def _holds(fit: CrossingFit, first: Estimate) -> bool:
     """Return whether a fit agrees with the first one, is surer, and leaves noise alone about the crossings."""
     found = fit.estimate()
     before, after = first.errors, found.errors
-    apart = np.sqrt(np.maximum(before**2 - after**2, (LEAST_DIFFERENCE * before) ** 2))
-    fast = np.isin(found.names, FAST)  # the two fits tell these by different samples
-    apart = np.where(fast, np.hypot(before, after), apart)
-    agrees = bool(np.all(np.abs(found.values - first.values) < MOVED * apart))
+    agrees = agree(found.values - first.values, before, after, np.isin(found.names, FAST))
     near = np.abs(fit.state.X[:, 0]) < NEAR
     near = np.convolve(near, np.ones(2 * BESIDE + 1), mode="same") > 0
     square = float(np.mean(fit.state.residual[near] ** 2)) if near.any() else np.inf

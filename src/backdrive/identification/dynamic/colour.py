@@ -4,7 +4,7 @@ The means of the residuals over bins are whitened (`whitening`). Least squares o
 noise than that of the residuals (Aitken 1935; Cochrane & Orcutt, JASA 44, 1949). It weighs fast changes more, to which
 errors of the encoder and what the law lacks near a reversal belong: hence the bins, those of `motion`, and the known covariance of
 what rounding adds. If it moves a number by more than noise moves two such fits apart, the law lacks something, and the first fit
-is kept (Hausman, Econometrica 46, 1978).
+is kept (`agreement`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.identification import regression
+from backdrive.identification.agreement import agree
 from backdrive.identification.dynamic.attenuation import false_acceleration, restore_inertia
 from backdrive.identification.dynamic.fit import Fit, conclude
 from backdrive.identification.dynamic.search import Search
@@ -38,8 +39,6 @@ ROUNDED = 0.8  # largest share of uncorrelated residuals' mean square that is ta
 ITERATIONS = 40  # largest number of iterations, which begin at the first fit
 WORTH = 0.95  # largest median of the friction's standard errors relative to those of the first fit [-]
 FAST = "inertia", "delay"  # told by fast changes, to which the encoder's errors belong
-MOVED = 3.5  # largest change of a number, relative to the error by which the two fits differ [-]
-LEAST_DIFFERENCE = 0.5  # least such error [standard error of the first fit]
 
 
 def whiten_noise(fit: Fit, seconds: float) -> Fit:
@@ -157,8 +156,7 @@ def bins_of(instants: np.ndarray, width: int) -> tuple[np.ndarray, Callable[[np.
 def _agrees(first: Fit, second: Fit, rounded: bool) -> bool:
     """Return whether the second fit tells friction better and moves no number by more than noise moves two fits apart.
 
-    The difference of an efficient estimate from another one has the variance by which theirs differ (Hausman 1978). What rounding
-    does to inertia and delay is not in their first errors, so that these two say nothing where it is felt.
+    What rounding does to inertia and delay is not in their first errors, so that these two say nothing where it is felt.
 
     Args:
         first: before whitening.
@@ -169,7 +167,6 @@ def _agrees(first: Fit, second: Fit, rounded: bool) -> bool:
     before, after = (np.array([one.standard_errors[n] for n in names]) for one in (first, second))
     moved = np.array([second.values[n] - first.values[n] for n in names])
     of_law = np.array([n not in (*RIGID, "delay") for n in names], dtype=bool)
-    apart = np.sqrt(np.maximum(before**2 - after**2, (LEAST_DIFFERENCE * before) ** 2))
     better = of_law.any() and np.median((after / before)[of_law]) < WORTH
     told = np.array([not (rounded and n in FAST) for n in names], dtype=bool)
-    return bool(better and np.all(np.abs(moved[told]) < MOVED * apart[told]))
+    return bool(better and agree(moved[told], before[told], after[told]))
