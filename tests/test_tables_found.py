@@ -96,6 +96,21 @@ def test_a_file_with_a_header_beside_one_without(tmp_path):
     assert np.allclose(both.torque[:, 0], 6.0 * both.time)
 
 
+def test_each_of_two_files_has_a_time_of_its_own(tmp_path):
+    first = table(tmp_path / "q.csv", "tick,q", 1e3 * T, Q)
+    other = table(tmp_path / "tau.csv", "when,tau", 1e6 * (T + 0.003), 3.0 * T)
+    for map in ("t=0.001*tick,t=1e-6*when,tau=tau", "t=1e-6*when, q=q, t=0.001*tick"):
+        log = read(first, join=other, map=map)
+        assert np.allclose(log.torque[:, 0], 3.0 * (log.time - 0.003), atol=1e-9)
+        assert np.allclose(log.position[:, 0], np.sin(log.time), atol=1e-6) and len(log) == 59
+    with pytest.raises(
+        MappingError, match=r"t=tack.*: it is the time of no file.*tick 60, q 60; when 60, tau 60"
+    ):
+        read(first, join=other, map="t=tack,t=1e-6*when")
+    with pytest.raises(MappingError, match=r"'time' twice.*join"):
+        read(first, map="t=tick,t=q")
+
+
 def test_a_time_that_only_the_second_file_names(tmp_path):
     first = table(tmp_path / "q.csv", "time,q", T, Q)
     log = read(first, join=table(tmp_path / "i.csv", "tick,tau", 1e3 * T, 3.0 * T), map="t=0.001*Tick")

@@ -86,7 +86,9 @@ CouplingSide = Annotated[
 Join = Annotated[
     list[Path] | None,
     typer.Option(
-        "--join", help="File whose columns belong to the log, interpolated onto its clock; may be repeated."
+        "--join",
+        help="File whose columns belong to the log, interpolated onto its clock; may be repeated. Its own time: a second t= in "
+        "--map.",
     ),
 ]
 Accept = Annotated[

@@ -8,9 +8,7 @@ MOVED = 3.5  # largest change of a number, relative to the error by which the tw
 LEAST_DIFFERENCE = 0.5  # least such error [standard error of the first fit]
 
 
-def agree(
-    moved: np.ndarray, before: np.ndarray, after: np.ndarray, apart: np.ndarray | None = None
-) -> bool:
+def agree(moved: np.ndarray, before: np.ndarray, after: np.ndarray, apart: np.ndarray | None = None) -> bool:
     """Return whether no number moved by more than noise moves two fits apart.
 
     An efficient estimate and its difference from another one are independent, so the variance of the difference is that by which

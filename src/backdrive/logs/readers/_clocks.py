@@ -65,7 +65,8 @@ def on_one_clock(columns: Columns, asked: Mapping[str, Any], found: Mapping[str,
         alike.setdefault(mask.tobytes(), []).append(name)
     for group in alike.values():
         told = f"'{group[0]}'" if len(group) == 1 else f"'{group[0]}' to '{group[-1]}'"
-        first = join(first, _rows(columns, [*of_time, *group], others[group[0]]), told, asked, apart=False)
+        part = _rows(columns, [*of_time, *group], others[group[0]])
+        first = join(first, part, told, asked, asked, apart=False)
     return first
 
 

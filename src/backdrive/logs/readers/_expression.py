@@ -98,7 +98,10 @@ def parse(text: str | Mapping[str, str], columns: Collection[str] = ()) -> dict[
     while not parser.at_end():
         channel = parser.channel()
         if channel in result:
-            raise MappingError(f"--map names '{channel}' twice.", remedy="Join the columns with + and -.")
+            remedy = "Join the columns with + and -."
+            if channel == "time":
+                remedy = "Name one; a file beside (--join) may have its own, so that there are two."
+            raise MappingError(f"--map names '{channel}' twice.", remedy=remedy)
         result[channel] = parser.sums()
     if not result:
         raise MappingError("--map is empty.", remedy="Write for example t=time,q=position,tau=effort.")

@@ -13,13 +13,14 @@ from backdrive.errors import MappingError
 from backdrive.logs.readers import _expression
 from backdrive.logs.readers._automatic import automatic, length
 from backdrive.logs.readers._channels import Values, columns_of
-from backdrive.logs.readers._map_parts import without_channels
+from backdrive.logs.readers._map_parts import parts_of, without_channels
 from backdrive.logs.readers._shapes import orient
 from backdrive.logs.readers._tokens import INDEX, Names
-from backdrive.logs.readers.columns import NAMELESS, Columns
+from backdrive.logs.readers.columns import NAMELESS, Columns, describe
 
 GAP = 2.5  # an interval this many times longer than usual is a gap, and nothing is interpolated across [-]
 FEWEST = 2  # samples that must be left
+TIME = "t", "time"  # as a --map spells it
 
 
 def side_by_side(
@@ -32,36 +33,71 @@ def side_by_side(
     Args:
         first: gives the clock.
         others: path and columns of each file to join.
-        map: as in `--map`; its time column is used for every file that contains it, the others' is told by its name. In a
-            joined file without a header the first column is the time if it increases.
+        map: as in `--map`; its time column is used for every file that contains it, and there may be one a file; the others' is
+            told by its name. In a joined file without a header the first column is the time if it increases.
 
     Raises:
-        MappingError: a file has no recognizable time, or the clocks do not overlap.
+        MappingError: a file has no recognizable time, the clocks do not overlap, or no file contains a time column.
     """
-    names = list(
-        dict.fromkeys(name for columns in (first, *(c for _, c in others)) for name in columns.arrays)
-    )
-    asked = _expression.parse(map, names) if map is not None else {}
-    sums = asked.get("time")
-    elsewhere = sums is not None and not any(_has(first, name) for name in columns_of(sums))
-    for path, other in others:
-        first = join(first, other, path, asked)
-    return first, _without_time(map) if elsewhere else map
+    files = (first, *(columns for _, columns in others))
+    names = list(dict.fromkeys(name for columns in files for name in columns.arrays))
+    rest, times = _times_apart(map, names)
+    asked = _expression.parse(rest, names) if rest is not None else {}
+    own = [_own_time(columns, times) for columns in files]
+    for text, _ in times:
+        if text not in [of_file for of_file, _ in own]:
+            raise MappingError(
+                f"--map {text}: it is the time of no file.",
+                remedy="Name one time a file, by columns of that file; where the columns' names tell the time, none. Columns: "
+                + "; ".join(describe(columns) for columns in files)
+                + ".",
+            )
+    for (path, other), (_, sums) in zip(others, own[1:], strict=True):
+        first = join(first, other, path, asked | _as_time(own[0][1]), asked | _as_time(sums))
+    if not times:
+        return first, map
+    text = own[0][0]
+    if isinstance(map, Mapping):
+        return first, map if text else {k: v for k, v in map.items() if k not in TIME} or None
+    return first, ",".join(part for part in (text, rest) if part) or None
+
+
+def _times_apart(
+    map: str | Mapping[str, str] | None, names: Sequence[str]
+) -> tuple[str | None, list[tuple[str, Any]]]:
+    """Return a map without its times, and those as they are written, each with its sums."""
+    text = ",".join(f"{c}={value}" for c, value in map.items()) if isinstance(map, Mapping) else map
+    if text is None:
+        return None, []
+    times = [part for channel, part in parts_of(text) if channel in TIME]
+    parsed = [(part, _expression.parse(part, names)["time"]) for part in times]
+    return without_channels(text, TIME), [(part, sums) for part, sums in parsed if sums is not None]
+
+
+def _own_time(columns: Columns, times: Sequence[tuple[str, Any]]) -> tuple[str, Any]:
+    """Return the first of several times that a file can have, as written and as sums; nothing where it can have none."""
+    for text, sums in times:
+        if all(_has(columns, name) for name in columns_of(sums)):
+            return text, sums
+    return "", None
+
+
+def _as_time(sums: Any) -> dict[str, Any]:
+    return {} if sums is None else {"time": sums}
 
 
 def _has(columns: Columns, name: str) -> bool:
     return name == INDEX or name in Names(tuple(columns.arrays))
 
 
-def _without_time(map: str | Mapping[str, str] | None) -> str | Mapping[str, str] | None:
-    names = ("t", "time")
-    if isinstance(map, Mapping):
-        return {name: value for name, value in map.items() if name not in names} or None
-    return without_channels(map, names)
-
-
 def join(
-    first: Columns, other: Columns, path: str, asked: Mapping[str, Any], *, apart: bool = True
+    first: Columns,
+    other: Columns,
+    path: str,
+    asked: Mapping[str, Any],
+    of_other: Mapping[str, Any],
+    *,
+    apart: bool = True,
 ) -> Columns:
     """Return the columns of a file and, interpolated onto its clock, those of another.
 
@@ -69,7 +105,8 @@ def join(
         first: gives the clock.
         other: is joined.
         path: of the other, for what is said.
-        asked: sums of a `--map`.
+        asked: sums of a `--map`, for the first file.
+        of_other: the same for the other.
         apart: the other is a file of its own, whose clock may have begun at another instant.
 
     Raises:
@@ -77,7 +114,7 @@ def join(
     """
     clock, _ = clock_of(first, asked, "The first file")
     notes: list[str] = []
-    theirs, of_time = _clock_without_header(other, asked, path, notes) or clock_of(other, asked, path)
+    theirs, of_time = _clock_without_header(other, of_other, path, notes) or clock_of(other, of_other, path)
     usable = np.flatnonzero(np.isfinite(theirs))
     stamps, where = np.unique(theirs[usable], return_index=True)
     rows = usable[where]

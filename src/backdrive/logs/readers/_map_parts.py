@@ -11,15 +11,12 @@ _BEGINS = re.compile(
 )
 
 
-def without_channels(text: str | None, channels: Collection[str]) -> str | None:
-    """Return a --map without the parts of some channels; None where nothing is left.
+def parts_of(text: str) -> list[tuple[str, str]]:
+    """Return the parts of a --map, each with the name of its channel as the option spells it; none of what is no --map.
 
     Args:
         text: such as `t=t,q=q1..q6,wrench=(fx,fy,fz,mx,my,mz)`.
-        channels: names as the option spells them.
     """
-    if text is None:
-        return None
     starts: list[tuple[int, str]] = []
     depth = 0
     for match in _BEGINS.finditer(text):
@@ -28,9 +25,19 @@ def without_channels(text: str | None, channels: Collection[str]) -> str | None:
         if match["channel"] and depth == 0 and before[-1:] in ("", ","):
             starts.append((match.start(), match["channel"]))
     ends = [start for start, _ in starts[1:]] + [len(text)]
-    parts = [
-        text[start:end].strip().rstrip(",")
+    return [
+        (channel, text[start:end].strip().rstrip(","))
         for (start, channel), end in zip(starts, ends, strict=True)
-        if channel not in channels
     ]
-    return ",".join(parts) if starts and parts else (text if not starts else None)
+
+
+def without_channels(text: str | None, channels: Collection[str]) -> str | None:
+    """Return a --map without the parts of some channels; None where nothing is left.
+
+    Args:
+        text: such as `t=t,q=q1..q6,wrench=(fx,fy,fz,mx,my,mz)`.
+        channels: names as the option spells them.
+    """
+    if text is None or not (parts := parts_of(text)):
+        return text
+    return ",".join(part for channel, part in parts if channel not in channels) or None
