@@ -27,6 +27,16 @@ def test_gain_at_the_corner_is_one_half_after_both_passes():
     assert np.max(np.abs(got[1000:-1000])) == pytest.approx(0.5, abs=0.005)
 
 
+def test_derivative_is_exact_on_quartics_two_samples_from_the_ends_and_multiplies_waves_by_its_gain():
+    np.testing.assert_allclose(
+        filters.derivative(T**4, 1 / RATE)[2:-2], 4 * T[2:-2] ** 3, rtol=1e-8, atol=1e-9
+    )
+    frequency = np.array([0.01, 0.05, 0.2])
+    wave = np.sin(2.0 * np.pi * np.outer(np.arange(200), frequency))
+    slope = np.cos(2.0 * np.pi * np.outer(np.arange(200), frequency)) * filters.gain_of_derivative(frequency)
+    np.testing.assert_allclose(filters.derivative(wave, 1.0)[2:-2], slope[2:-2], atol=1e-12)
+
+
 def test_derivative_is_exact_on_parabolas_inside():
     np.testing.assert_allclose(filters.derivative(T**2, 1 / RATE)[1:-1], 2 * T[1:-1], atol=1e-9)
 

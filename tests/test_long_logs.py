@@ -92,10 +92,14 @@ def test_a_low_pass_writes_where_it_is_told():
     assert np.all(filters.low_pass_rows(x, 95.0, 200.0, out=out) == x)
 
 
-def test_a_derivative_is_that_of_numpy_and_refuses_one_sample():
+def test_a_derivative_is_that_of_five_samples_and_at_the_ends_that_of_numpy_and_refuses_one_sample():
     x = np.random.default_rng(0).standard_normal((50, 2))
-    assert np.all(filters.derivative(x, 0.01) == np.gradient(x, 0.01, axis=0))
-    assert np.all(filters.derivative(x[:2], 0.01) == np.gradient(x[:2], 0.01, axis=0))
+    inside = (x[:-4] - 8.0 * x[1:-3] + 8.0 * x[3:-1] - x[4:]) / 0.12
+    found, plain = filters.derivative(x, 0.01), np.gradient(x, 0.01, axis=0)
+    np.testing.assert_allclose(found[2:-2], inside, rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(found[[0, 1, -2, -1]], plain[[0, 1, -2, -1]])
+    for few in (2, 3, 4):
+        assert np.all(filters.derivative(x[:few], 0.01) == np.gradient(x[:few], 0.01, axis=0))
     with pytest.raises(InvalidInput, match="1 samples are too few"):
         filters.derivative(x[:1], 0.01)
 

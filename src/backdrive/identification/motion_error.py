@@ -15,7 +15,7 @@ import numpy as np
 
 from backdrive.identification.motion_bins import moving_average
 from backdrive.identification.whitening import LAGS, WHITE, Colour, power_of
-from backdrive.logs.filters import power_gain
+from backdrive.logs.filters import gain_of_derivative, power_gain
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import channel_step, encoder_step
 
@@ -64,9 +64,8 @@ class MotionError:
             Frequencies by the rate [-], and the power there [rad^2/s^4 or m^2/s^4, by s^2 for each further derivative], (k,) each.
         """
         f = (np.arange(GRID) + 0.5) / (2 * GRID)
-        gain = power_gain(f, min(cutoff / rate, 0.49)) * (rate * np.sin(2.0 * np.pi * f)) ** (
-            self.orders + beyond
-        )
+        of_derivatives = (rate * gain_of_derivative(f)) ** (self.orders + beyond)
+        gain = power_gain(f, min(cutoff / rate, 0.49)) * of_derivatives
         return f, (self.size * gain) ** 2
 
     def in_acceleration(self, cutoff: float, rate: float, width: int = 1, colour: Colour = WHITE) -> float:

@@ -12,7 +12,6 @@ from backdrive.identification.ramp import Presliding, presliding
 from backdrive.identification.result import JointEvidence, Samples
 from backdrive.identification.terms import estimates
 from backdrive.laws import CoulombViscous, Law
-from backdrive.logs.filters import derivative
 from backdrive.logs.log import Joint, Log
 from backdrive.model import JointFriction, Validity
 
@@ -179,7 +178,7 @@ def _samples(logs: Sequence[Log], joint: str, friction: JointFriction, found: Pr
     for log in logs:
         single = log.select(joint).on_joint_side()
         position, torque = single.need("position")[:, 0], single.driving_torque[:, 0]
-        velocity = derivative(position, single.period)
+        velocity = np.gradient(position, single.period)
         slides = np.abs(velocity) > found.slip_speed
         predicted = np.where(slides, friction.law.torque(velocity) + found.rest, np.nan)
         columns.append(np.stack([single.time, position, velocity, torque, torque - found.rest, predicted]))

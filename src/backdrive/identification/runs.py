@@ -10,7 +10,6 @@ import numpy as np
 from backdrive.identification import regression
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import spans
-from backdrive.logs.filters import derivative
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import white_noise
 
@@ -148,8 +147,10 @@ def whole_run(log: Log, joint: str | int) -> bool:
 
 
 def _velocity(log: Log) -> np.ndarray:
-    velocity = log.velocity if log.velocity is not None else derivative(log.need("position"), log.period)
-    return velocity[:, 0]
+    """Return the velocity of one joint, or that of its positions over two samples, the least noisy one [rad/s or m/s], (n,)."""
+    if log.velocity is not None:
+        return log.velocity[:, 0]
+    return np.gradient(log.need("position")[:, 0], log.period)
 
 
 def _encoder_noise(log: Log, good: np.ndarray) -> float:

@@ -150,7 +150,10 @@ def _prepare(log: Log, joint: str | int, cutoff: float | None) -> list[Signals]:
         raise InvalidInput(
             f"The median sampling interval is {period} s.", remedy="Repair the time channel (--repair)."
         )
-    speed = log.velocity if log.velocity is not None else filters.derivative(log.need("position"), period)
+    speed = log.velocity
+    if speed is None:  # over two samples: the least noise
+        position = log.need("position")
+        speed = (position[2:] - position[:-2]) / (2.0 * period)
     top = quantile(np.abs(speed).ravel(), 0.995)
     stretches = [
         _segment(log.rows(rows), period, cutoff, top) for rows in between_gaps(log.time, period, SHORTEST)

@@ -15,7 +15,7 @@ import numpy as np
 from backdrive.identification.clock import between_gaps, uniform
 from backdrive.identification.motion_error import MotionError, mean_error, motion_error
 from backdrive.identification.signals import default_cutoff
-from backdrive.logs.filters import fade, fft_length, power_gain, spectrum_of
+from backdrive.logs.filters import fade, fft_length, gain_of_derivative, power_gain, spectrum_of
 from backdrive.logs.log import Log
 
 SHARE = 0.1  # largest RMS error, relative to the RMS acceleration; it biases the inertia by 1 % [-]
@@ -110,7 +110,8 @@ def _of_log(log: Log, cutoff: float | None, share: float) -> Smoothing:
         warning = (
             f"The {sensor} for this motion: {cause} and what a low pass of {cutoffs[k]:.3g} Hz "
             f"takes away are {_percent(wrong[k], whole)} of the acceleration. A higher --cutoff makes the inertia too small, "
-            "a lower one blurs reversals: give the inertia (--known inertia=...), or record faster motion or with a finer sensor."
+            "a lower one blurs reversals: give the inertia to a search (--law auto --known inertia=...), or record faster motion "
+            "or with a finer sensor."
         )
     return replace(found, cutoff=float(cutoffs[k]) if k else None, note=note if k else "", warning=warning)
 
@@ -185,6 +186,6 @@ def _accelerations(measured: np.ndarray, cutoffs: Sequence[float], rate: float, 
     n, pad = measured.size, min(fade(min(cutoffs) / rate), measured.size - 1)
     length = fft_length(n + 2 * pad)
     f = np.arange(length // 2 + 1) / length
-    spectrum = spectrum_of(measured, pad, length) * (1j * rate * np.sin(2.0 * np.pi * f)) ** orders
+    spectrum = spectrum_of(measured, pad, length) * (1j * rate * gain_of_derivative(f)) ** orders
     gains = (power_gain(f, cutoff / rate) for cutoff in cutoffs)
     return np.array([np.mean(np.fft.irfft(spectrum * gain, length)[pad : pad + n] ** 2) for gain in gains])

@@ -214,7 +214,10 @@ def fft_length(n: int) -> int:
 
 
 def derivative(x: np.ndarray, period: float) -> np.ndarray:
-    """Differentiate by central differences, along axis 0 (one-sided at the ends).
+    """Differentiate by central differences over two samples to either side, along axis 0; over fewer at the ends.
+
+    The error is of the fourth order of the period. Differences over one sample to either side would take an acceleration of a
+    twentieth of the sampling rate as 3 % too small.
 
     Args:
         x: uniform samples, (n, ...).
@@ -223,11 +226,26 @@ def derivative(x: np.ndarray, period: float) -> np.ndarray:
     x = np.asarray(x, dtype=np.float64)
     if len(x) < 2:
         raise InvalidInput(f"{len(x)} samples are too few to differentiate.", remedy="Give a longer log.")
-    result = np.empty_like(x)  # as `np.gradient`, in a third of the memory
+    result = np.empty_like(x)
     np.subtract(x[2:], x[:-2], out=result[1:-1])
+    if len(x) > 4:
+        inner = result[2:-2]
+        inner *= 8.0
+        inner -= x[4:]
+        inner += x[:-4]
+        inner /= 6.0
     result[1:-1] /= 2.0 * period
     result[0], result[-1] = (x[1] - x[0]) / period, (x[-1] - x[-2]) / period
     return result
+
+
+def gain_of_derivative(frequency: np.ndarray) -> np.ndarray:
+    """Return by what `derivative` multiplies a wave, but for the imaginary unit and the sampling rate [-], (n,).
+
+    Args:
+        frequency: by the sampling rate [-], (n,).
+    """
+    return (8.0 * np.sin(2.0 * np.pi * frequency) - np.sin(4.0 * np.pi * frequency)) / 6.0
 
 
 def means(x: np.ndarray, width: int) -> np.ndarray:
