@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from backdrive import Log
 from backdrive.identification import sweep_delay
 from backdrive.identification.signals import prepare
 from backdrive.identification.slip import coarse_delay
@@ -48,6 +49,28 @@ def test_a_motion_without_inertia_does_not_tell(commanded):
     v = np.gradient(commanded.position[:, 0], commanded.time)
     noise = np.random.default_rng(0).standard_normal(v.size)
     assert torque_timing(prepare(commanded.replace(torque=5.0 * np.sign(v) + 2.0 * v + noise), 0))[0] is None
+
+
+@pytest.mark.parametrize("late", [0.002, 0.01])
+def test_a_late_torque_is_no_sample_though_the_encoder_hides_the_jerk(late):
+    rng, count = np.random.default_rng(1), 2.0 * np.pi / 2**17
+    sweep = Sweep(np.deg2rad(40.0), 2.0, 10)
+    t = np.arange(int(1000 * sweep.duration)) / 1000.0
+    q, v = sweep.position(t - late), sweep.velocity(t - late)
+    torque = (
+        1.0 * np.gradient(v, t)
+        + 10.0 * np.sin(q)
+        + 5.0 * np.sign(v)
+        + 3.0 * v
+        + 0.3 * rng.standard_normal(t.size)
+    )
+    log = Log.from_arrays(time=t, position=count * np.round(sweep.position(t) / count), torque=torque)
+    assert torque_timing(prepare(log, 0))[0] is None
+    friction, _ = identify_sweep([log], log.names[0])
+    speed = np.array(friction.law.rate.velocity)
+    off = np.abs(np.array(friction.law.rate.positive) - 5.0 - 3.0 * speed)
+    assert np.all(off < 4.0 * np.array(friction.standard_errors["positive"]))
+    assert any("torque" in warning and "ms later than" in warning for warning in friction.warnings)
 
 
 def test_a_doubt_about_the_timing_names_its_effect_in_torque(commanded):

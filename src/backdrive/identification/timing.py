@@ -2,8 +2,9 @@
 
 A command u_k acts from t_k to t_k+1, on average half an interval later than position and velocity at t_k. A measured torque
 belongs to t_k itself. Confusing the two biases a sweep's curve by up to -1.9 I V^3 T / A^2. The inertia distinguishes them,
-since a torque with the delay d adds -I d times the jerk (`design`). Only sliding tells: near a reversal, where the jerk is largest,
-the instant at which friction changes sign would be taken for a delay.
+since a torque with the delay d adds -I d times the jerk (`design`). Encoder errors in the jerk reduce its coefficient, which
+would look like no delay: the response to a known shift of the motion tells by how much (`slip`). Only sliding tells: near a
+reversal, where the jerk is largest, the instant at which friction changes sign would be taken for a delay.
 """
 
 from __future__ import annotations
@@ -14,9 +15,11 @@ from typing import Literal
 import numpy as np
 
 from backdrive.identification import curves, regression
+from backdrive.identification.delay import delay_signals
 from backdrive.identification.motion_bins import bin_means, bin_time
 from backdrive.identification.noise import covariance_of_fit
 from backdrive.identification.signals import Signals
+from backdrive.identification.slip import LEVER, LEVER_SAMPLES, SHOWN
 
 Timing = Literal["command", "sample"]
 NEAR = 0.25  # largest distance of a delay from that of a command (-0.5) or a sample (0) [sampling interval]
@@ -40,19 +43,13 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     knots = float(np.percentile(speeds, 99.9)) * np.array(
         [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
     )
-    bins = bin_means(stretches, knots, _means, bin_time(stretches, None))
-    if np.count_nonzero(bins.used) < MORE * bins.X.shape[1]:
+    lever = max(LEVER, LEVER_SAMPLES / stretches[0].rate)
+    now = _delay(stretches, knots)
+    then = _delay([delay_signals(s, lever) for s in stretches], knots)
+    share = (now[0] - then[0]) / lever
+    if not share > SHOWN:  # without inertia, or with a jerk that is mostly the encoder's error
         return None, float("nan"), float("nan")
-    blocks = bins.equations()
-    theta = blocks.solution()
-    if not theta[0] > 0:
-        return None, float("nan"), float("nan")
-    delay = float(theta[1] / theta[0])
-    coloured = covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)[1, 1]
-    of_blocks = regression.sandwich(blocks, theta)[
-        1, 1
-    ]  # larger where the noise moves the joint, and the servo answers
-    error = float(np.sqrt(max(coloured, of_blocks, 0.0)) / theta[0])
+    delay, error = now[0] / min(share, 1.0), now[1] / min(share, 1.0)
     period = 1.0 / stretches[0].rate
     to_command, to_sample = abs(delay + 0.5 * period), abs(delay)
     if to_command <= NEAR * period and to_sample > FAR * error:
@@ -60,6 +57,26 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     if to_sample <= NEAR * period and to_command > FAR * error:
         return "sample", delay, error
     return None, delay, error
+
+
+def _delay(stretches: Sequence[Signals], knots: np.ndarray) -> tuple[float, float]:
+    """Return the delay that the jerk tells and its standard error [s], both by the jerk's response; NaN without inertia.
+
+    Args:
+        stretches: of one joint.
+        knots: of the curve [rad/s or m/s], (k,).
+    """
+    bins = bin_means(stretches, knots, _means, bin_time(stretches, None))
+    if np.count_nonzero(bins.used) < MORE * bins.X.shape[1]:
+        return float("nan"), float("nan")
+    blocks = bins.equations()
+    theta = blocks.solution()
+    if not theta[0] > 0:
+        return float("nan"), float("nan")
+    coloured = covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)[1, 1]
+    # larger where the noise moves the joint, and the servo answers
+    of_blocks = regression.sandwich(blocks, theta)[1, 1]
+    return float(theta[1] / theta[0]), float(np.sqrt(max(coloured, of_blocks, 0.0)) / theta[0])
 
 
 def _means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:
