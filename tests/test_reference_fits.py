@@ -658,7 +658,8 @@ def test_words_on_a_curve_that_goes_one_way_or_further_one_way():
 
     both = verdict(friction(velocity=(-2.0, 1.0)))
     assert (
-        "Friction is 5.04 N.m forwards and 4.08 N.m backwards at 0.04 rad/s, 7 and 8 N.m at 2 rad/s." in both
+        "Friction is 5.04 N.m forwards and 4.08 N.m backwards at 0.04 rad/s, 6 and 8 N.m at 1 and 2 rad/s."
+        in both
     )
     back = verdict(friction(velocity=(-2.0, 0.05)))
     assert "Friction is 4.08 N.m at 0.04 rad/s and 8 N.m at 2 rad/s." in back

@@ -195,8 +195,8 @@ def test_what_is_asked_of_a_motion_is_done():
         identify_motion([log.replace(position=np.zeros(t.size))], "a")
 
 
-@pytest.mark.parametrize(("travel", "sought"), [(0.147, False), (0.153, True)])
-def test_gravity_is_sought_from_a_travel_of_015_rad_on(travel, sought):
+@pytest.mark.parametrize(("travel", "sought"), [(0.029, False), (0.031, True)])
+def test_gravity_is_sought_from_a_travel_of_003_rad_on_or_where_it_is_wanted(travel, sought):
     t = np.arange(2400) / RATE
     q, v, a = wave(t)
     share = travel / np.ptp(q)
@@ -209,6 +209,8 @@ def test_gravity_is_sought_from_a_travel_of_015_rad_on(travel, sought):
     )
     found, _ = identify_motion([log], "a", law="coulomb-viscous", symmetric=True)
     assert ("gravity_sin" in found.dynamics) is sought
+    found, _ = identify_motion([log], "a", law="coulomb-viscous", symmetric=True, gravity=True)
+    assert found.dynamics["gravity_sin"].value == pytest.approx(90.0, rel=0.1)
 
 
 # ------------------------------------------------------------------------------------------- remarks

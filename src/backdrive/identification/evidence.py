@@ -21,6 +21,7 @@ from backdrive.model import JointFriction
 
 MOST = 4000  # largest number of samples for pictures
 SURE = 5.0  # least significance of a constant beside friction that is mentioned [standard error]
+ALIKE = 0.05  # largest difference of the top speeds by direction that are stated as one, relative to the larger [-]
 
 
 def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
@@ -97,14 +98,18 @@ def verdict(friction: JointFriction) -> str:
     low, high = friction.validity.velocity
     slowest, top = friction.speeds
     ways = [sign for sign in (1.0, -1.0) if sign * (high if sign > 0 else low) > 0.05 * top]
-    slow, fast = (np.abs(friction.law.torque(speed * np.array(ways))) for speed in (slowest, top))
+    tops = [
+        high if sign > 0 else -low for sign in ways
+    ]  # no direction is stated beyond the speed that it reached
+    tops = [top] * len(ways) if max(tops) - min(tops) < ALIKE * top else tops
+    slow, fast = (np.abs(friction.law.torque(speed * np.array(ways))) for speed in (slowest, np.array(tops)))
     if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * fast.max():
         amount = (
             f"Friction is {slow[0]:.3g} {unit} forwards and {slow[1]:.3g} {unit} backwards at {slowest:.2g} {speed}, "
-            f"{fast[0]:.3g} and {fast[1]:.3g} {unit} at {top:.3g} {speed}."
+            f"{fast[0]:.3g} and {fast[1]:.3g} {unit} at {' and '.join(dict.fromkeys(f'{v:.3g}' for v in tops))} {speed}."
         )
     else:
-        amount = f"Friction is {slow[0]:.3g} {unit} at {slowest:.2g} {speed} and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
+        amount = f"Friction is {slow[0]:.3g} {unit} at {slowest:.2g} {speed} and {fast[0]:.3g} {unit} at {tops[0]:.3g} {speed}."
     return f"{amount} {describe_fit(friction)}"
 
 

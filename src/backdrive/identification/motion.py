@@ -60,7 +60,9 @@ LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
 LEAST_MOVES = 6  # least number of moves for standard errors
 ROUGH = ("line", "5 sections")  # curves of the candidate with which the delay is fitted, if a line is allowed
 ENOUGH = 300_000  # largest number of samples for a rough delay and for the candidate with which the delay is fitted
-SPAN_FOR_GRAVITY = 0.15  # least travel of a rotary joint for the estimation of gravity [rad]
+SPAN_FOR_GRAVITY = (
+    0.03  # least travel of a rotary joint for the estimation of gravity that nobody asked for [rad]
+)
 FORGETS = (
     0.05  # time in which the noise forgets, from which on reversals may tell more than what goes before [s]
 )
@@ -112,7 +114,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     del speeds
     slower_way = min(-velocity[0], velocity[1])
     both = slower_way > 0.05 * top
-    pulls = gravity if about.unit == "rad" and travel > SPAN_FOR_GRAVITY else False
+    pulls = gravity if about.unit == "rad" and (gravity or travel > SPAN_FOR_GRAVITY) else False
     others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
     without = leave_out(stretches, pulls is not False, others)
     stretches = without or stretches
