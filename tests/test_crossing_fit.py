@@ -103,7 +103,8 @@ def test_whitener_makes_the_dense_covariance_white():
     )
     unsure = np.zeros(n)
     unsure[7] = 2.0
-    white = Whitener(passage, noise, rounding, late / RATE, unsure)(np.eye(n))
+    whitener = Whitener(passage, noise, rounding, late / RATE, unsure)
+    white = whitener(np.eye(n))
     lag = np.abs(np.subtract.outer(np.arange(n + 2), np.arange(n + 2)))
     torque = noise.innovation**2 / (1.0 - noise.correlation**2) * noise.correlation**lag
     mean = np.array([[numerov(row)[k + 1] for row in np.eye(n + 2)] for k in range(n)])
@@ -114,6 +115,7 @@ def test_whitener_makes_the_dense_covariance_white():
     after = white @ dense @ white.T
     inner = slice(12, n - 2)  # the first rows know no past
     assert after[inner, inner] == pytest.approx(np.eye(n)[inner, inner], abs=0.02)
+    assert whitener.log_determinant == pytest.approx(np.linalg.slogdet(dense)[1], abs=0.4)
 
 
 def test_clipped_residuals_count_linearly():

@@ -52,6 +52,16 @@ def test_a_delay_at_a_wrong_root_is_moved_to_the_minimum(seed):
     assert error == 2.0 * spread()
 
 
+@pytest.mark.parametrize("away", [5.0, 8.0, 12.0, 20.0, 33.0])
+def test_a_delay_many_errors_away_ends_within_one_of_them(monkeypatch, away):
+    def losses(stretches, knots, candidate, delays, colour):
+        return 0.82 * (delays - away) ** 2
+
+    monkeypatch.setattr("backdrive.identification.delay_profile._losses", losses)
+    delay, error = refine_delay([], KNOTS, LINE, 0.0, 1.0, WHITE)
+    assert abs(delay - away) <= 1.0 and error == pytest.approx(1.0)
+
+
 def test_an_error_that_is_too_small_is_enlarged_to_that_of_the_noise():
     errors = [refine_delay(stretches(seed), KNOTS, LINE, LATE, 0.3 * spread(), WHITE)[1] for seed in range(8)]
     assert np.median(errors) == pytest.approx(spread(), rel=0.3)

@@ -340,8 +340,10 @@ def test_the_error_of_a_delay_counts_what_lies_between_samples():
         jumps[:many, 0] = (-1.0) ** np.arange(many)
         X = np.hstack([jumps, np.r_[np.zeros(100), np.ones(100)][:, None]])
         assert between_samples(X, 0, DT) == pytest.approx(DT**2 / (6.0 * many))
+        spread = np.repeat(X, 5, axis=0)  # by a low pass, over as many samples as a bin has
+        assert between_samples(spread, 0, DT, 5) == pytest.approx(DT**2 / (6.0 * many))
     law = Law(rate=StribeckGauss(coulomb=4.0, breakaway=6.0, stribeck_velocity=0.05, viscous=1.0))
     found = fitted(law.name, recorded(law, v=velocity(presliding=False), noise=1e-6))
     kept = found.found.jacobian * np.sqrt(found.found.weight)[:, None]
-    least = np.sqrt(between_samples(kept, found.problem.names.index("delay"), DT))
+    least = np.sqrt(between_samples(kept, found.problem.names.index("delay"), DT, round(0.01 / DT)))
     assert found.standard_errors["delay"] == pytest.approx(least, rel=0.2)

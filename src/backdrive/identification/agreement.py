@@ -23,4 +23,4 @@ def agree(moved: np.ndarray, before: np.ndarray, after: np.ndarray, apart: np.nd
     difference = np.sqrt(np.maximum(before**2 - after**2, (LEAST_DIFFERENCE * before) ** 2))
     if apart is not None:
         difference = np.where(apart, np.hypot(before, after), difference)
-    return bool(np.all(np.abs(moved) < MOVED * difference))
+    return bool(np.all(np.abs(moved) <= MOVED * difference))

@@ -61,7 +61,8 @@ class Whitener:
         band[0, 1:] += noise.correlation**2 * more[:-1]
         band[1, :-1] -= noise.correlation * more[:-1]
         self._factor = cholesky_banded(band, lower=True, overwrite_ab=True, check_finite=False)
-        scale = unsure.size * float(np.log(noise.innovation))
+        first = np.sqrt(1.0 - noise.correlation**2)  # row that nothing goes before
+        scale = unsure.size * float(np.log(noise.innovation)) - float(np.log(first))
         self.log_determinant = 2.0 * (float(np.sum(np.log(self._factor[0]))) + scale)
         steady = np.repeat(products[:, None], min(SETTLED, unsure.size), axis=1)
         usual = float(cholesky_banded(steady, lower=True, overwrite_ab=True, check_finite=False)[0, -1])

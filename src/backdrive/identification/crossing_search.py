@@ -280,13 +280,14 @@ class CrossingFit:
         columns = np.hstack([state.X, self._changes(state.point, state.theta)]) / np.sqrt(np.diag(self.gram))
         false = (self.gram - self.true) / np.sqrt(np.outer(np.diag(self.gram), np.diag(self.gram)))
         error = np.sqrt((1.0 - found.correlation**2) / len(columns))
-        for way in (-1.0, 1.0):
-            correlation = min(found.correlation + way * error, 0.5 * (1.0 + found.correlation))
+        steps = [-error, min(error, 0.5 * (1.0 - found.correlation))]
+        for step in steps:
+            correlation = found.correlation + step
             self.about = replace(found, correlation=correlation)
             F = self._white(self._whiteners(state.point, self.weights.unsure), columns)
             variances.append(np.maximum(np.diag(np.linalg.pinv(F.T @ F - false, rcond=1e-10)), 1e-12))
         self.about = found
-        share = 0.5 * np.log(variances[1] / variances[0])
+        share = np.log(variances[1] / variances[0]) * error / (steps[1] - steps[0])
         return stdtrit(np.maximum(2.0 / np.maximum(share**2, 1e-12), FEWEST), 0.975) / NORMAL
 
     def _scatter(self) -> np.ndarray:

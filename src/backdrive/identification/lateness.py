@@ -71,7 +71,7 @@ def _lowest(res: Residual, rows: np.ndarray, terms: np.ndarray) -> tuple[float, 
     before, least, after = powers[best - 1 : best + 2].tolist()
     bend = before - 2.0 * least + after  # of the parabola through the three, whose lowest point lies between
     part = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-    return (best - reach + part) * res.period, float(np.sqrt(least / max(powers[reach], 1e-300)))
+    return (best - reach + part) * res.period, float(np.sqrt(max(least, 0.0) / max(powers[reach], 1e-300)))
 
 
 def _reach(res: Residual) -> int:

@@ -76,7 +76,7 @@ class Bins:
         if not correlation > 0.0:
             return self
         at, X, y = np.flatnonzero(self.used), self.X.copy(), self.y.copy()
-        for first in range(0, at.size - 1, PIECE):  # copies of all bins would fill the memory
+        for first in range(0, at.size, PIECE):  # copies of all bins would fill the memory
             if colour.rounding:
                 rows = at[first : first + PIECE]
                 white = whiten_both(np.column_stack([self.X[rows], self.y[rows]]), rows, colour)

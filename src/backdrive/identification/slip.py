@@ -237,7 +237,7 @@ def seek_slip(
     return Slip(delay=delay, error=error, period=period, colour=colour)
 
 
-def between_samples(X: np.ndarray, delay: int, period: float) -> float:
+def between_samples(X: np.ndarray, delay: int, period: float, width: int = 1) -> float:
     """Return the variance of a delay by what happens between samples [s^2].
 
     A jump of the acceleration between two samples looks alike wherever between them it is. A delay that few jumps tell is
@@ -247,9 +247,11 @@ def between_samples(X: np.ndarray, delay: int, period: float) -> float:
         X: columns that were fitted, whitened if the fit was, (n, p).
         delay: index of the one by which the delay was found.
         period: sampling interval [s].
+        width: number of rows that a bin has: a low pass spreads a jump over several samples.
     """
     others = np.delete(X, delay, axis=1)
     told = (X[:, delay] - others @ regression.solve(others.T @ others, others.T @ X[:, delay])) ** 2
+    told = np.add.reduceat(told, np.arange(0, told.size, width))
     moments = max(float(told.sum() ** 2 / max((told**2).sum(), 1e-300)), 1.0)
     return period**2 / (6.0 * moments)
 

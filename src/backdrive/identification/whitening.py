@@ -99,7 +99,9 @@ def colour_of(
         return Colour(before_fit(correlation, columns, used))
     shares = min(CLIPPED / float(np.mean(score**2)), HIDDEN / false[0]) * np.array(false)
     alone, rounding = float((correlation - shares[1]) / (1.0 - shares[0])), shares / (1.0 - shares[0])
-    if alone > MOST or rounding[0] < SHOWN * (1.0 - alone):  # what the model lacks is no such noise
+    if not 0.0 < alone <= MOST or rounding[0] < SHOWN * (
+        1.0 - alone
+    ):  # what the model lacks is no such noise
         return Colour(before_fit(correlation, columns, used))
     return Colour(before_fit(alone, columns, used), as_noise(rounding))
 
@@ -117,7 +119,10 @@ def before_fit(correlation: float, columns: np.ndarray, used: np.ndarray) -> flo
     """
     count, pairs = int(np.count_nonzero(used)), int(np.count_nonzero(used[1:] & used[:-1]))
     p = columns.shape[1]
-    if not (correlation > -SLIGHT and pairs > 0) or 4.0 * p < SMALL * (1.0 - correlation) * count:
+    if (
+        not (correlation > -SLIGHT and pairs > 0 and count > p)
+        or 4.0 * p < SMALL * (1.0 - correlation) * count
+    ):
         return correlation
     Q = np.zeros(columns.shape)
     Q[used] = np.linalg.qr(columns[used])[0]

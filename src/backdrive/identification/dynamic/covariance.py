@@ -73,7 +73,7 @@ def search_covariance(
     matrix[free & ~seen, free & ~seen] = np.inf
     if not seen.any():
         return result
-    size, at = length[seen], np.arange(m) if instants is None else instants
+    size, at = length[seen], np.arange(m) if instants is None else _places(instants)
     J = jacobian[:, seen] / size
     bread = inverse(J.T @ (weight[:, None] * J))
     plain = variance * bread
@@ -87,6 +87,16 @@ def search_covariance(
     matrix[np.ix_(seen, seen)] = noisy * np.outer(grown, grown) / np.outer(size, size)
     correlation[np.ix_(seen, seen)] = plain / np.outer(least, least)
     return result
+
+
+def _places(instants: np.ndarray) -> np.ndarray:
+    """Return the place of each residual among all: samples, or bins where each residual is of a bin; records stay far apart."""
+    apart = np.diff(instants)
+    width = max(int(apart.min(initial=1 << 30)), 1)
+    if width == 1 or not apart.size:
+        return instants
+    far = np.where(apart >= max(noise.LONGEST, 2 * width), noise.LONGEST, 0)
+    return np.concatenate([[0], np.cumsum(apart // width + far)])
 
 
 def _noise_covariance(

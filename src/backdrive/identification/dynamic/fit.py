@@ -18,6 +18,7 @@ from backdrive.identification.dynamic.search import SearchResult
 from backdrive.identification.dynamic.torque import TorqueProblem
 from backdrive.identification.dynamic.uncertainty import WEAK, intervals
 from backdrive.identification.evidence import sentences
+from backdrive.identification.motion_bins import BIN_TIME
 from backdrive.identification.options import Interval
 from backdrive.identification.slip import between_samples
 from backdrive.laws import Law
@@ -254,5 +255,6 @@ def _between_samples(problem: Problem, found: SearchResult, matrix: np.ndarray) 
     others = np.delete(X, at, axis=1)
     move = np.insert(-regression.solve(others.T @ others, others.T @ X[:, at]), at, 1.0)
     period = max(s.dt for s in problem.stretches)
-    added[np.ix_(free, free)] = between_samples(X, at, period) / slope**2 * np.outer(move, move)
+    width = max(1, round(BIN_TIME / period)) if found.instants is None else 1
+    added[np.ix_(free, free)] = between_samples(X, at, period, width) / slope**2 * np.outer(move, move)
     return added
