@@ -53,12 +53,14 @@ def refine_delay(
             break  # without noise
         curvature = (low + high - 2.0 * middle) / (2.0 * APART**2 * NORMAL)
         off = (low - high) / (4.0 * APART * NORMAL * max(curvature, FLAT))
-        if curvature > FLAT and abs(off) * apart <= centred * error:
-            told = apart / np.sqrt(curvature)
-            return delay, error if told**2 * AGREES < error**2 else told
+        if curvature > FLAT:
+            told = float(apart / np.sqrt(curvature))
+            sure = error if told**2 * AGREES < error**2 else told
+            if abs(off) * apart <= centred * sure:
+                return delay, sure
         delay += float(np.clip(off, -APART, APART)) * apart
-        wider = abs(off) > APART or not curvature > FLAT
-        apart = 2.0 * apart if wider else max(0.5 * apart, error)
+        if abs(off) > APART or not curvature > FLAT:
+            apart *= 2.0
     return delay, np.inf
 
 
