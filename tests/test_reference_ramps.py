@@ -9,7 +9,6 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification import presliding as module
 from backdrive.identification.presliding import identify_ramp
 from backdrive.identification.ramp import Presliding, presliding
-from backdrive.logs.filters import derivative
 from backdrive.logs.log import Joint, Log
 
 RATE, STIFF = 1000.0, 1e5
@@ -284,7 +283,7 @@ def test_samples_and_the_loop_that_are_shown(monkeypatch):
     x = 1e-4 * np.sin(2.0 * t) + 2e-3 * np.clip(t - 2.0, 0.0, 1.0) + 0.7
     log = logged(u, x)
     got, shown = identified(monkeypatch, logs=[log, log.rows(slice(0, 3500))])
-    v = derivative(np.column_stack([x]), 1.0 / RATE)[:, 0]
+    v = np.gradient(x, 1.0 / RATE)
     slides = np.abs(v) > 0.002
     v, slides, u2, x2, t2 = (
         np.r_[z, z[:3500]][::3] for z in (v, slides, u, x, t)
