@@ -128,3 +128,15 @@ def test_a_straight_line_leaves_out_the_build_up_of_friction_after_reversals():
         error = joint.law.rate.coulomb_positive - 2.0
         z.append(error / joint.standard_errors["coulomb_positive"])
     assert np.sqrt(np.mean(np.square(z))) < 2.5
+
+
+@pytest.mark.parametrize("width", [11, 20, 400])
+def test_residuals_of_bins_of_any_width_are_neighbours(width):
+    rng, n = np.random.default_rng(1), 1500
+    X, residual = columns(n), coloured(rng, n, 0.4)
+    at = np.arange(n) + 2 * LONGEST * (np.arange(n) >= 900)  # two records
+
+    def errors(instants):
+        return search_covariance(X, residual, np.ones(n), np.ones(4, dtype=bool), instants=instants).matrix
+
+    np.testing.assert_allclose(errors(at * width), errors(at), rtol=0.02)
