@@ -96,6 +96,20 @@ def test_a_file_with_a_header_beside_one_without(tmp_path):
     assert np.allclose(both.torque[:, 0], 6.0 * both.time)
 
 
+def test_a_time_in_ms_beside_one_in_seconds_is_refused(tmp_path):
+    t = np.arange(2000) / 100.0
+    first = table(tmp_path / "q.csv", "time,q", t, np.sin(t))
+    other = table(tmp_path / "tau.csv", "time,tau", 1e3 * t, t)
+    with pytest.raises(
+        MappingError,
+        match=r"tau\.csv and the first file have .* different units: 0 to 19990 s, and 0 to 19\.99 s",
+    ):
+        read(first, join=other)
+    short = table(tmp_path / "short.csv", "time,tau", t[:200], t[:200])  # a part of one clock is no mistake
+    assert len(read(first, join=short)) == 200
+    assert len(read(short, join=first)) == 200
+
+
 def test_each_of_two_files_has_a_time_of_its_own(tmp_path):
     first = table(tmp_path / "q.csv", "tick,q", 1e3 * T, Q)
     other = table(tmp_path / "tau.csv", "when,tau", 1e6 * (T + 0.003), 3.0 * T)

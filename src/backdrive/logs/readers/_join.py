@@ -20,6 +20,11 @@ from backdrive.logs.readers.columns import NAMELESS, Columns, describe
 
 GAP = 2.5  # an interval this many times longer than usual is a gap, and nothing is interpolated across [-]
 FEWEST = 2  # samples that must be left
+UNITS = 3.0, 6.0, 9.0  # powers of ten between s and ms, us, ns
+NEAR_UNIT, ALIKE = (
+    0.3,
+    1.0,
+)  # distance from such a power, and largest ratio of the numbers of samples [power of ten]
 TIME = "t", "time"  # as a --map spells it
 
 
@@ -138,6 +143,11 @@ def join(
             remedy="Join files of one recording, on one clock; shift one of them with --map t=COLUMN-SECONDS where it has a "
             "column of its own.",
         )
+    if _in_another_unit(clock, stamps):
+        raise MappingError(
+            f"{path} and the first file have times of different units: {_span(stamps)}, and {_span(clock[np.isfinite(clock)])}.",
+            remedy="Name both times in seconds; one in ms is --map t=0.001*COLUMN, once a file where they differ.",
+        )
     if not keep.all():
         notes.append(f"{np.count_nonzero(~keep)} samples before, after or in a gap of {path} were left out.")
     rates = (
@@ -181,6 +191,14 @@ def join(
         channels=channels,
         notes=(*first.notes, *other.notes, *notes),
     )
+
+
+def _in_another_unit(clock: np.ndarray, stamps: np.ndarray) -> bool:
+    """Return whether two clocks of about as many samples last a thousand or a million times as long as each other."""
+    lasts, other = float(np.nanmax(clock) - np.nanmin(clock)), float(stamps[-1] - stamps[0])
+    if not (lasts > 0.0 and other > 0.0) or abs(np.log10(clock.size / stamps.size)) > ALIKE:
+        return False
+    return bool(np.min(np.abs(abs(np.log10(lasts / other)) - np.array(UNITS))) < NEAR_UNIT)
 
 
 def _clock_without_header(
