@@ -305,5 +305,8 @@ def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], s
     return sentences(
         (freedom < LEAST_FREEDOM, "there is hardly more data than unknowns"),
         (count < LEAST_MOVES, f"the joint made only {count} moves"),
-        (error > slip.least, f"the delay of the torque {late}"),
+        (
+            error > slip.least,
+            f"the delay of the torque {late}; give it where it is known (--known delay=...)",
+        ),
     )
