@@ -134,7 +134,7 @@ def vague_terms(case: Case) -> Remark | None:
     if worst > float(np.sqrt(np.mean(res.torque**2))):
         return Remark(
             severity="care",
-            sentence=f"{sentence} That is more than all torque: leave a term out (--no-gravity), or move farther.",
+            sentence=f"{sentence} That is more than all torque: move farther, or use --no-gravity where the axis has none.",
         )
     return Remark(severity="note", sentence=sentence)
 
