@@ -6,6 +6,7 @@ import pytest
 from backdrive import Joint, Log, identify
 from backdrive.identification import crossing_fit
 from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum, noise_of
+from backdrive.identification.signals import prepare
 from backdrive.identification.zero_crossing import (
     EDGE,
     FINE,
@@ -13,6 +14,7 @@ from backdrive.identification.zero_crossing import (
     Course,
     Passage,
     numerov,
+    passages_of,
     stencil,
     triangle,
 )
@@ -21,15 +23,15 @@ INERTIA, COULOMB, VISCOUS, WIDTH = 0.2, 1.5, 0.3, 0.03
 STEP, RATE, SECONDS = 2e-4, 200.0, 30.0
 
 
-def joint(rng, peak=0.0):
-    """Return positions and torque at `RATE` of a joint under a stiff servo."""
+def joint(rng, peak=0.0, rate=RATE):
+    """Return positions and torque at a rate of a joint under a stiff servo."""
     n = round(SECONDS / STEP)
     t = np.arange(n) * STEP
     q_d = sum(np.sin(2.0 * np.pi * f * t + rng.uniform(0.0, 6.28)) / f for f in (0.2, 0.5, 0.9)) * 0.15
     v_d = np.gradient(q_d, STEP)
     a_d = np.gradient(v_d, STEP)
     q, v = q_d[0], v_d[0]
-    every, rows = round(1.0 / (RATE * STEP)), []
+    every, rows = round(1.0 / (rate * STEP)), []
     stiffness, damping = INERTIA * 60.0**2, 2.0 * INERTIA * 60.0
     wanted = np.stack([q_d, v_d, a_d], axis=1).tolist()
     for k, (x, dx, ddx) in enumerate(wanted):
@@ -43,13 +45,13 @@ def joint(rng, peak=0.0):
     return np.array(rows).T
 
 
-def log_of(q, u, rng, colour, size=0.1):
+def log_of(q, u, rng, colour, size=0.1, rate=RATE):
     white, noise = size * rng.standard_normal(q.size), np.zeros(q.size)
     for k in range(1, q.size):
         noise[k] = colour * noise[k - 1] + np.sqrt(1.0 - colour**2) * white[k]
     count = 2.0 * np.pi / 2**20
     return Log(
-        time=np.arange(q.size) / RATE,
+        time=np.arange(q.size) / rate,
         joints=(Joint(name="joint", unit="rad"),),
         position=(count * np.round(q / count))[:, None],
         torque=(u + noise)[:, None],
@@ -164,6 +166,67 @@ def test_errors_hold_over_draws(motion, monkeypatch):
         value, error, _ = stated(log, monkeypatch, method="motion")
         off.append((value - COULOMB) / error)
     assert 0.4 < np.sqrt(np.mean(np.square(off))) < 1.8
+
+
+@pytest.fixture(scope="module")
+def late_logs():
+    """Logs at 1 kHz whose torque comes 4 ms late, with so much slow noise that the inertia hardly tells it."""
+    q, u = joint(np.random.default_rng(1), rate=1000.0)
+    return [
+        log_of(q[4:], u[:-4], np.random.default_rng(seed), 0.98, size=0.3, rate=1000.0) for seed in range(4)
+    ]
+
+
+def test_reversals_tell_a_delay_that_the_inertia_does_not(late_logs, monkeypatch):
+    """Stated errors hold for the delay and for Coulomb friction; without the reversals nothing is stated."""
+    told = {}
+    for without in (False, True):
+        with monkeypatch.context() as patch:
+            if without:
+                patch.setattr("backdrive.identification.motion.slip_at_crossings", lambda slip, *_: slip)
+            found = [
+                identify([log], method="motion", law="coulomb-viscous").model.joints[0] for log in late_logs
+            ]
+        told[without] = [joint for joint in found if joint.standard_errors]
+    assert len(told[False]) >= len(told[True]) + 2
+    for joint in told[False]:
+        delay = joint.dynamics["time_slip"]
+        assert abs(joint.delay - 0.004) < 3.5 * delay.standard_error
+        assert delay.standard_error < 0.002
+        error = joint.standard_errors["coulomb_positive"]
+        assert abs(joint.law.rate.coulomb_positive - COULOMB) < 3.5 * error
+
+
+@pytest.mark.parametrize("size", [0.13, 0.3])
+def test_a_stribeck_peak_tells_no_delay_or_one_within_its_error(monkeypatch, size):
+    """A course that is wrong is refused where the noise lets it be seen, and its delay is less sure elsewhere."""
+    rng = np.random.default_rng(1)
+    q, u = joint(rng, peak=1.0, rate=1000.0)
+    before, found = crossing_fit.delay_at_crossings, []
+
+    def listen(*given):
+        found.append(before(*given))
+        return found[-1]
+
+    monkeypatch.setattr("backdrive.identification.motion_crossings.delay_at_crossings", listen)
+    monkeypatch.setattr("backdrive.identification.slip.KNOWN", 1.0)
+    log = log_of(q[4:], u[:-4], rng, 0.98, size=size, rate=1000.0)
+    identify([log], method="motion", law="coulomb-viscous")
+    if size < 0.2:
+        assert found == [None]
+    else:
+        ((delay, error),) = found
+        assert abs(delay - 0.004) < 3.0 * error
+
+
+def test_every_fifth_sample_keeps_the_course(motion):
+    """Of one sample in five, the columns are those of a log that was recorded so."""
+    log = log_of(*motion, np.random.default_rng(3), 0.98)
+    (whole,) = prepare(log, "joint", cutoff=20.0)
+    (thin,) = passages_of([whole], ("viscous",), 1e-6, 5)
+    assert thin.rate == pytest.approx(RATE / 5)
+    assert np.array_equal(thin.measured, log.position[::5, 0])
+    assert np.array_equal(thin.torque, numerov(log.torque[::5, 0]))
 
 
 def test_white_noise_is_left_as_it_is(motion, monkeypatch):

@@ -1,5 +1,7 @@
 """A delay that the loss of the fit supports: kept where it is least, moved where it is not, and no better known than it rises."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,41 @@ def test_without_noise_a_delay_is_not_supported():
     assert alike.min() > 100.0 and alike == pytest.approx(alike[0], rel=1e-6)  # many bins, each by its noise
     silent = [each.with_sliding(np.zeros(T.size, dtype=bool)) for each in stretches(0)]
     assert refine_delay(silent, KNOTS, LINE, LATE, 1e-4, WHITE) == (LATE, np.inf)
+
+
+def test_a_loss_that_changes_by_rounding_moves_no_delay():
+    """The acceleration's error of each delay is another one, and its product with the noise makes minima that mean nothing."""
+    away = LATE + 0.0015, 2.0 * spread()
+    fine, coarse = (
+        refine_delay(stretches(0), KNOTS, LINE, *away, WHITE, false=(size, 0.0, 0.0, 0.0))
+        for size in (1e-6, 1.0)
+    )
+    assert abs(fine[0] - LATE) < 4.0 * spread()
+    assert coarse == away
+
+
+def test_delays_hold_under_slow_noise_and_rounding(monkeypatch):
+    """At 1 kHz, with 20 bits a turn, delays were moved to such minima: up to five stated errors away."""
+    rate, late = 1000.0, 0.004
+    t = np.arange(round(20.0 * rate)) / rate
+    monkeypatch.setattr(sys.modules[__name__], "WAVES", (*WAVES[:2], (0.05, 9.0, 2.0)))
+    q, *_ = motion(t)
+    _, v, a, _ = motion(t - late)
+    count, off = 2.0 * np.pi / 2**20, []
+    for seed in range(10):
+        rng, wander = np.random.default_rng(seed), np.zeros(t.size)
+        white = 0.06 * np.sqrt(1.0 - 0.98**2) * rng.standard_normal(t.size)
+        for k in range(1, t.size):
+            wander[k] = 0.98 * wander[k - 1] + white[k]
+        log = Log(
+            time=t,
+            joints=(Joint(name="j", unit="rad"),),
+            position=count * np.round(q / count),
+            torque=0.15 * a + np.sign(v) + 0.4 * v + wander,
+        )
+        slip = identify_motion([log], "j", law="coulomb-viscous", gravity=False)[0].dynamics["time_slip"]
+        off.append((slip.value - late) / slip.standard_error)
+    assert np.sqrt(np.mean(np.square(off))) < 1.8
 
 
 @pytest.mark.parametrize("late", [0.002, 0.005, 0.008])

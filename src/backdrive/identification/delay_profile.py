@@ -22,6 +22,7 @@ ROUGHLY = 3.0  # the same of a delay that a clearer jerk tells, by more than the
 ROUNDS = 6  # largest number of parabolas
 FLAT = 0.02  # least curvature of a parabola that has a minimum, relative to that of the standard error [-]
 AGREES = 0.4  # least curvature with which the standard error is kept, likewise [-]
+STEADY = 3.0  # largest change of the loss by the acceleration's error [squared standard deviation]
 NORMAL = 0.82  # rise of Huber's loss relative to that of the squares, with normal residuals [-]
 
 
@@ -33,6 +34,7 @@ def refine_delay(
     error: float,
     colour: Colour,
     centred: float = CENTRED,
+    false: Sequence[float] = (),
 ) -> tuple[float, float]:
     """Return a delay that minimises the loss, or nearly so, and an error that its profile supports [s]; infinite without either.
 
@@ -44,7 +46,10 @@ def refine_delay(
         error: its standard error [s].
         colour: of the noise of neighbouring bins.
         centred: largest distance of the minimum from a delay that is kept [standard error].
+        false: error of the acceleration's means, as from `MotionError.between_means`.
     """
+    if false and _unsteady(stretches, knots, candidate, delay, colour, false) > STEADY:
+        return delay, error
     apart = error
     for _ in range(ROUNDS):
         delays = delay + APART * apart * np.array([-1.0, 0.0, 1.0])
@@ -62,6 +67,24 @@ def refine_delay(
         if abs(off) > APART or not curvature > FLAT:
             apart *= 2.0
     return delay, np.inf
+
+
+def _unsteady(
+    stretches: Sequence[DelayStretch],
+    knots: np.ndarray,
+    candidate: design.Candidate,
+    delay: float,
+    colour: Colour,
+    false: Sequence[float],
+) -> float:
+    """Return by how much the acceleration's error changes the loss from delay to delay [squared standard deviation]."""
+    bins = bins_at_delay(stretches, delay, knots, candidate).whiten(colour)
+    theta = regression.robust_solution(bins.X, bins.y, bins.used.astype(float))
+    spread = regression.robust_spread((bins.y - bins.X @ theta)[bins.used])
+    c = max(colour.correlation, 0.0)
+    whitened = (false[0] * (1.0 + c**2) - 2.0 * c * false[1]) / (1.0 - c**2)
+    inertia = theta[candidate.terms.index("inertia")]
+    return 2.0 * float(abs(inertia) * np.sqrt(whitened * np.count_nonzero(bins.used)) / spread)
 
 
 def _losses(

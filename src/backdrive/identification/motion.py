@@ -20,7 +20,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise
 from backdrive.identification.bends import with_bends
 from backdrive.identification.block_prediction import predict_blocks
-from backdrive.identification.crossing_fit import SAID
+from backdrive.identification.crossing_fit import SAID, TOLD
 from backdrive.identification.delay import delay_signals, sliding_in_step
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.evidence import constant_beside, evidence, parts_of, sentences, without_errors
@@ -38,7 +38,7 @@ from backdrive.identification.motion_bins import (
     moves,
     slowest_sliding,
 )
-from backdrive.identification.motion_crossings import with_crossings
+from backdrive.identification.motion_crossings import slip_at_crossings, with_crossings
 from backdrive.identification.motion_friction import as_friction, with_warnings
 from backdrive.identification.path import along_path, without_gravity
 from backdrive.identification.quality import assess_both, assess_parts
@@ -46,7 +46,7 @@ from backdrive.identification.regression import Blocks
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import after_build_up, build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
-from backdrive.identification.slip import FEW, Slip, fix_slip, response, search_slip, with_slip
+from backdrive.identification.slip import CLOSE, FEW, Slip, fix_slip, response, search_slip, with_slip
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.user_delay import describe
 from backdrive.identification.whitening import WHITE, Colour
@@ -161,11 +161,17 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
             missed,
         )
 
+    def with_late(slip: Slip, choice: design.Choice, bins: Bins) -> design.Choice:
+        later = average(shift(slip.delay + slip.error, slid), choice.candidate.spread)
+        later = replace(later, used=bins.used).whiten(slip.colour)
+        return with_slip(choice, response(bins, later, choice.coefficients), slip)
+
     rate = stretches[0].rate
     corner, width = smooth.cutoff or default_cutoff(rate), max(1, round(seconds * rate))
     false_means = smooth.error.between_means(corner, rate, width)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, stretches
+    timed = False  # at the reversals
 
     look = windows_of(stretches, ENOUGH) or stretches
     few_options = [o for o in options if o.form.name in ROUGH] if "line" in allowed else options
@@ -198,6 +204,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         del along  # long logs fill the memory
     elif not few:
         slip, coarse, slid = search_slip(stretches, look, knots, full, ready, at_rough, false_means)
+        if not slip.is_known and slip.error < CLOSE * slip.least:
+            with suppress(NotIdentifiable):
+                choice, bins, *_ = choose(slip, average(shift(slip.delay, slid)))
+                found = slip_at_crossings(slip, with_late(slip, choice, bins), stretches, smooth.error)
+                slip, timed = found, found is not slip
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, colour=WHITE)
@@ -207,10 +218,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         slid = stretches
         choice, bins, slowest, missed = choose(slip, average(shift(slip.delay, slid)))
     if slip.is_fitted(coarse):
-        later = average(shift(slip.delay + slip.error, slid), choice.candidate.spread)
-        later = replace(later, used=bins.used).whiten(slip.colour)
-        choice = with_slip(choice, response(bins, later, choice.coefficients), slip)
-        del later
+        choice = with_late(slip, choice, bins)
     slow = slip.is_known and slip.colour.memory * seconds > FORGETS
     choice, through = with_crossings(choice, slip.delay, stretches, smooth.error) if slow else (choice, False)
     choice = missed.on(with_bends(design.offset_apart(choice)))
@@ -261,7 +269,18 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     fixed = "" if delay is None else describe(delay)
     known = LEFT_OUT if without and any(np.any(s.model_torque) for s in logged) else ""
-    said = filter(None, (support.verdict, SAID if through else "", constant, fixed, known, smooth.note))
+    said = filter(
+        None,
+        (
+            support.verdict,
+            SAID if through else "",
+            TOLD if timed else "",
+            constant,
+            fixed,
+            known,
+            smooth.note,
+        ),
+    )
     support = replace(support, verdict=" ".join(said))
     return without_gravity(friction, support, logged) if blind else (friction, support)
 

@@ -149,7 +149,9 @@ def search_slip(
         clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.colour)
         slip, centred = min((slip, CENTRED), (clear, ROUGHLY), key=lambda one: one[0].error)
     if slip.is_known and slip.colour.correlation > COLOURED:
-        delay, error = refine_delay(some, knots, candidate, slip.delay, slip.error, slip.colour, centred)
+        delay, error = refine_delay(
+            some, knots, candidate, slip.delay, slip.error, slip.colour, centred, false
+        )
         slip = replace(slip, delay=delay, error=error)
     return slip, coarse, stretches
 

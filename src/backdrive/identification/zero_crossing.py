@@ -194,33 +194,37 @@ class Passage:
         return variance[self.rows]
 
 
-def passages_of(stretches: Sequence[Signals], terms: Sequence[str], noise: float) -> list[Passage]:
+def passages_of(
+    stretches: Sequence[Signals], terms: Sequence[str], noise: float, every: int = 1
+) -> list[Passage]:
     """Return stretches for a fit through zero crossings; none if one has no position of its own.
 
     Args:
         stretches: of one joint.
         terms: of `TERMS`, that are fitted.
         noise: standard deviation of a position [rad or m].
+        every: use one sample of so many.
     """
     made = []
     for s in stretches:
         if s.measured is None:
             return []
-        if s.time.size <= 4 * EDGE:
+        if s.time.size <= 4 * EDGE * every:
             continue
-        torque = s.torque if s.model_torque is None else s.torque - s.model_torque
+        torque = (s.torque if s.model_torque is None else s.torque - s.model_torque)[::every]
         corner = np.zeros(torque.size)
         corner[1:-1] = CORNER / 12.0 * np.abs(torque[2:] - 2.0 * torque[1:-1] + torque[:-2])
-        moving = s.moving.copy()
-        for first, last in spans(~s.moving):
+        moves = s.moving[::every]
+        moving = moves.copy()
+        for first, last in spans(~moves):
             moving[max(first - EDGE, 0) : last + EDGE] = False
         made.append(
             Passage(
-                measured=s.measured,
+                measured=s.measured[::every],
                 torque=numerov(torque),
                 corner=corner,
                 moving=moving,
-                rate=s.rate,
+                rate=s.rate / every,
                 terms=tuple(terms),
                 noise=noise,
             )
