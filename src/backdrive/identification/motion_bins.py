@@ -77,7 +77,7 @@ class Bins:
             return self
         at, X, y = np.flatnonzero(self.used), self.X.copy(), self.y.copy()
         for first in range(0, at.size, PIECE):  # copies of all bins would fill the memory
-            if colour.rounding:
+            if colour.beside:
                 rows = at[first : first + PIECE]
                 white = whiten_both(np.column_stack([self.X[rows], self.y[rows]]), rows, colour)
                 X[rows], y[rows] = white[:, :-1], white[:, -1]

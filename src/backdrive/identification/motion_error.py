@@ -84,7 +84,7 @@ class MotionError:
         else:
             noise = (1.0 - correlation**2) / (1.0 + correlation**2 - 2.0 * correlation * turn)
             false = power_of(colour.rounding, np.arccos(turn))
-            white = (1.0 + sum(colour.rounding[:1])) / (noise + np.maximum(false, 0.0))
+            white = (1.0 + sum(colour.beside[:1])) / (noise - colour.averaged + np.maximum(false, 0.0))
         return float(np.mean(power * white))
 
     def between_means(self, cutoff: float, rate: float, width: int) -> tuple[float, ...]:

@@ -174,7 +174,9 @@ def fix_slip(
     """
     bins = bins_at_delay(stretches, delay, knots, full)
     theta = fit(bins)
-    colour = colour_of(bins.y - bins.X @ theta, bins.used, bins.X, _in_torque(false, full, theta))
+    colour = colour_of(
+        bins.y - bins.X @ theta, bins.used, bins.X, _in_torque(false, full, theta), stretches[0].width
+    )
     return Slip(delay=delay, error=0.0, period=1.0 / stretches[0].rate, colour=colour)
 
 
@@ -209,7 +211,9 @@ def seek_slip(
         bins = bins_at_delay(stretches, delay, knots, full)
         if known is None and not tried:  # for white noise, the fit need not be repeated
             theta = fit(bins, rounds=rounds)
-            colour = colour_of(bins.y - bins.X @ theta, bins.used, bins.X, _in_torque(false, full, theta))
+            colour = colour_of(
+                bins.y - bins.X @ theta, bins.used, bins.X, _in_torque(false, full, theta), stretches[0].width
+            )
         if theta is None or tried or colour != WHITE:
             bins = bins.whiten(colour)
             theta = fit(bins, theta, rounds)

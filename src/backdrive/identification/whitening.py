@@ -7,13 +7,16 @@ The torque's noise is an autoregression of first order,
 c: correlation of neighbouring samples; g: distance of two samples that are used (Cochrane & Orcutt, JASA 44, 1949). Where an
 encoder is coarse, the acceleration's error stands beside it, whose autocorrelation is known from the encoder's steps and the low
 pass. The numerator above then has a covariance in a band of a few samples; its Cholesky factor makes both white (Aitken 1935).
+
+Means of an autoregression are none: their products at all lags but 0 are those of one, and their square is smaller, since a mean
+takes fast changes away (K. R. W. Brewer, J. Econometrics 1, 1973). That share is a white error of negative power beside it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cholesky_banded, solve_banded, solveh_banded
@@ -26,12 +29,19 @@ OPPOSITE, SLIGHT = -0.48, -0.1
 CLIPPED = (
     0.71  # mean square of normal noise that is clipped at Huber's width, relative to that of the noise [-]
 )
+CUBIC = (
+    0.05  # share of the mean square of such clipped noise that grows as its cube and higher odd powers [-]
+)
 HIDDEN = 0.5  # largest share of the residual's mean square that is taken as error of the acceleration [-]
 SHOWN = 0.05  # least power of the acceleration's error, relative to the innovation of the noise, that is whitened too [-]
 LAGS = 4  # number of lags of the acceleration's error; beyond, means of a low-passed motion are hardly correlated
 RIDGE = 1e-3  # least power of the acceleration's error at any frequency, relative to its mean [-]
 SMALL = 0.01  # share of the noise's slow part below which what a fit takes of it is left out [-]
 ROUNDS = 5  # repetitions, each with the last correlation
+LEAST_OF_MEANS = (
+    0.4  # least correlation of neighbouring means that is taken as that of an averaged autoregression [-]
+)
+HALVINGS = 40  # of the range in which a correlation is sought
 ANGLES = np.linspace(0.0, np.pi, 257)  # frequencies at which a spectrum is tested [rad/bin]
 
 
@@ -42,10 +52,20 @@ class Colour:
     Attributes:
         correlation: of neighbours in an autoregression of first order [-]; negative: in a moving average of first order.
         rounding: products of the acceleration's error by lag, relative to the power of the autoregression [-]; empty: none.
+        averaged: share of that power that averaging took [-].
     """
 
     correlation: float = 0.0
     rounding: tuple[float, ...] = ()
+    averaged: float = 0.0
+
+    @property
+    def beside(self) -> tuple[float, ...]:
+        """Products by lag of all that stands beside the autoregression, relative to its power [-]; empty: nothing."""
+        if not self.averaged:
+            return self.rounding
+        first, *others = self.rounding or (0.0,) * LAGS
+        return (first - self.averaged, *others)
 
     @property
     def independent(self) -> float:
@@ -76,7 +96,11 @@ def neighbours(residual: np.ndarray, apart: np.ndarray) -> float:
 
 
 def colour_of(
-    residual: np.ndarray, used: np.ndarray, columns: np.ndarray, false: tuple[float, ...] = ()
+    residual: np.ndarray,
+    used: np.ndarray,
+    columns: np.ndarray,
+    false: tuple[float, ...] = (),
+    width: int = 1,
 ) -> Colour:
     """Return the noise of neighbouring bins, with a correlation within limits; slightly negative ones are set to 0.
 
@@ -88,22 +112,59 @@ def colour_of(
         used: mask of the fitted samples, (n,).
         columns: that were fitted, (n, p).
         false: products by lag of what the acceleration's error adds to the residual, (LAGS,); empty: nothing.
+        width: of the means [sample].
     """
     at = np.flatnonzero(used)
-    width = regression.HUBER * regression.robust_spread(residual[at])
-    score = np.clip(residual[at], -width, width)
-    correlation = min(max(neighbours(score, np.diff(at)), OPPOSITE), MOST)
+    large = regression.HUBER * regression.robust_spread(residual[at])
+    score = np.clip(residual[at], -large, large)
+    correlation = min(max(_unclipped(neighbours(score, np.diff(at))), OPPOSITE), MOST)
     if SLIGHT < correlation < 0.0:
         return WHITE
-    if not (correlation > 0.0 and width > 0.0 and false and false[0] > 0.0):
-        return Colour(before_fit(correlation, columns, used))
+    if not (correlation > 0.0 and large > 0.0 and false and false[0] > 0.0):
+        return of_means(before_fit(correlation, columns, used), width)
     shares = min(CLIPPED / float(np.mean(score**2)), HIDDEN / false[0]) * np.array(false)
     alone, rounding = float((correlation - shares[1]) / (1.0 - shares[0])), shares / (1.0 - shares[0])
     if not 0.0 < alone <= MOST or rounding[0] < SHOWN * (
         1.0 - alone
     ):  # what the model lacks is no such noise
-        return Colour(before_fit(correlation, columns, used))
-    return Colour(before_fit(alone, columns, used), as_noise(rounding))
+        return of_means(before_fit(correlation, columns, used), width)
+    return replace(of_means(before_fit(alone, columns, used), width), rounding=as_noise(rounding))
+
+
+def of_means(correlation: float, width: int) -> Colour:
+    """Return the noise of means of an autoregression.
+
+    Args:
+        correlation: of neighbouring means [-].
+        width: of a mean [sample].
+    """
+    if width < 2 or correlation < LEAST_OF_MEANS:
+        return Colour(correlation)
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):  # the correlation of neighbouring means grows with that of samples
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if _of_neighbours(middle, width) < correlation else (low, middle)
+    kept = (0.5 * (low + high)) ** width
+    return Colour(kept, averaged=1.0 - kept / correlation)
+
+
+def _of_neighbours(sample: float, width: int) -> float:
+    """Return the correlation of neighbouring means of an autoregression, by that of neighbouring samples [-]."""
+    lags = np.arange(1, width)
+    whole = width + 2.0 * float((width - lags) @ sample**lags)
+    return sample * ((1.0 - sample**width) / (1.0 - sample)) ** 2 / whole
+
+
+def _unclipped(correlation: float) -> float:
+    """Return the correlation of normal noise by that of the same noise after clipping [-].
+
+    Of a function of normal noise the correlation is a sum of powers of that of the noise, by the squares of its coefficients in
+    Hermite's polynomials (Price, IRE Trans. Information Theory 4, 1958).
+    """
+    found = correlation
+    for _ in range(ROUNDS):
+        found = correlation + CUBIC * (found - found**3)
+    return found
 
 
 def before_fit(correlation: float, columns: np.ndarray, used: np.ndarray) -> float:
@@ -193,11 +254,11 @@ def whiten_both(rows: np.ndarray, at: np.ndarray, colour: Colour) -> np.ndarray:
     Args:
         rows: one a bin, (n, m).
         at: index of each bin, ascending, (n,).
-        colour: with a correlation from 0 to below 1, and a rounding.
+        colour: with a correlation from 0 to below 1, and something beside it.
     """
     kept = np.append(0.0, colour.correlation ** np.diff(at))
     left = rows - kept[:, None] * np.vstack([rows[:1], rows[:-1]])
-    n, false = at.size, np.append(colour.rounding, 0.0)
+    n, false = at.size, np.append(colour.beside, 0.0)
     index = np.arange(n)
     before = np.maximum(index - 1, 0)
 
