@@ -13,6 +13,7 @@ from backdrive.identification.whitening import (
     before_fit,
     colour_of,
     neighbours,
+    of_means,
     whiten,
     whiten_both,
 )
@@ -147,3 +148,38 @@ def test_the_correlation_before_a_fit_is_that_of_the_noise():
     assert before_fit(0.0, columns, used) == 0.0
     many = np.ones((60_000, 1))
     assert before_fit(0.9, many, np.ones(60_000, dtype=bool)) == 0.9
+
+
+@pytest.mark.parametrize(("sample", "width"), [(0.98, 10), (0.9, 4), (0.98, 7)])
+@pytest.mark.parametrize("gaps", [False, True])
+def test_means_of_an_autoregression_are_white_after_it(sample, width, gaps):
+    """Against the covariance of means that is written out; an autoregression of the means leaves a tenth of it."""
+    count = 120
+    lag = np.abs(np.subtract.outer(np.arange(count * width), np.arange(count * width)))
+    mean = np.kron(np.eye(count), np.ones(width) / width)
+    covariance = mean @ sample**lag @ mean.T
+    beside = covariance[0, 1] / covariance[0, 0]
+    at = np.flatnonzero(RNG.uniform(size=count) < 0.8) if gaps else np.arange(count)
+    covariance = covariance[np.ix_(at, at)]
+    colour = of_means(beside, width)
+    assert colour.correlation == pytest.approx(sample**width)
+    white = whiten_both(np.eye(at.size), at, colour)
+    after = white @ covariance @ white.T / covariance[0, 0]
+    assert after == pytest.approx(np.eye(at.size), abs=1e-6)
+    slow = np.ones(at.size) @ whiten(np.eye(at.size), np.diff(at), beside)
+    taken = slow @ covariance @ slow / covariance[0, 0] / at.size
+    assert abs(taken - 1.0) > 0.05
+
+
+def test_single_samples_and_faint_correlations_are_left_as_they_are():
+    assert of_means(0.9, 1) == Colour(0.9)
+    assert of_means(0.2, 10) == Colour(0.2)
+
+
+@pytest.mark.parametrize("correlation", [0.6, 0.9])
+def test_clipping_hides_no_correlation(correlation):
+    """Residuals are clipped at Huber's width, which takes more of a product than of a square."""
+    rng, n = np.random.default_rng(1), 400_000
+    noise = lfilter([1.0], [1.0, -correlation], rng.standard_normal(n))
+    found = colour_of(noise, np.ones(n, dtype=bool), np.ones((n, 1)))
+    assert found.correlation == pytest.approx(correlation, abs=0.003)

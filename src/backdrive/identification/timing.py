@@ -10,13 +10,13 @@ reversal, where the jerk is largest, the instant at which friction changes sign 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from backdrive.identification import curves, regression
 from backdrive.identification.delay import delay_signals
-from backdrive.identification.motion_bins import bin_means, bin_time
+from backdrive.identification.motion_bins import Bins, bin_means, bin_time
 from backdrive.identification.noise import covariance_of_fit
 from backdrive.identification.signals import Signals
 from backdrive.identification.slip import LEVER, LEVER_SAMPLES, SHOWN
@@ -44,12 +44,12 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
         [curves.SHARES[i] for i in curves.COARSE["7 sections"]]
     )
     lever = max(LEVER, LEVER_SAMPLES / stretches[0].rate)
-    now = _delay(stretches, knots)
-    then = _delay([delay_signals(s, lever) for s in stretches], knots)
-    share = (now[0] - then[0]) / lever
-    if not share > SHOWN:  # without inertia, or with a jerk that is mostly the encoder's error
+    now = _fit(stretches, knots)
+    then = _fit([delay_signals(s, lever) for s in stretches], knots)
+    share = (now.delay - then.delay) / lever if now and then else 0.0
+    if not (now and share > SHOWN):  # without inertia, or with a jerk that is mostly the encoder's error
         return None, float("nan"), float("nan")
-    delay, error = now[0] / min(share, 1.0), now[1] / min(share, 1.0)
+    delay, error = now.delay / min(share, 1.0), now.error() / min(share, 1.0)
     period = 1.0 / stretches[0].rate
     to_command, to_sample = abs(delay + 0.5 * period), abs(delay)
     if to_command <= NEAR * period and to_sample > FAR * error:
@@ -59,8 +59,29 @@ def torque_timing(stretches: Sequence[Signals]) -> tuple[Timing | None, float, f
     return None, delay, error
 
 
-def _delay(stretches: Sequence[Signals], knots: np.ndarray) -> tuple[float, float]:
-    """Return the delay that the jerk tells and its standard error [s], both by the jerk's response; NaN without inertia.
+class _Fit(NamedTuple):
+    """A fit with inertia and jerk as its first columns."""
+
+    bins: Bins
+    blocks: regression.Blocks
+    theta: np.ndarray
+
+    @property
+    def delay(self) -> float:
+        """What the jerk tells, before its response is known [s]."""
+        return float(self.theta[1] / self.theta[0])
+
+    def error(self) -> float:
+        """Return its standard error [s]."""
+        bins, theta = self.bins, self.theta
+        coloured = covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)[1, 1]
+        # larger where the noise moves the joint, and the servo answers
+        of_blocks = regression.sandwich(self.blocks, theta)[1, 1]
+        return float(np.sqrt(max(coloured, of_blocks, 0.0)) / theta[0])
+
+
+def _fit(stretches: Sequence[Signals], knots: np.ndarray) -> _Fit | None:
+    """Return a fit of means; None without inertia.
 
     Args:
         stretches: of one joint.
@@ -68,15 +89,10 @@ def _delay(stretches: Sequence[Signals], knots: np.ndarray) -> tuple[float, floa
     """
     bins = bin_means(stretches, knots, _means, bin_time(stretches, None))
     if np.count_nonzero(bins.used) < MORE * bins.X.shape[1]:
-        return float("nan"), float("nan")
+        return None
     blocks = bins.equations()
     theta = blocks.solution()
-    if not theta[0] > 0:
-        return float("nan"), float("nan")
-    coloured = covariance_of_fit(bins.X, bins.y - bins.X @ theta, bins.used)[1, 1]
-    # larger where the noise moves the joint, and the servo answers
-    of_blocks = regression.sandwich(blocks, theta)[1, 1]
-    return float(theta[1] / theta[0]), float(np.sqrt(max(coloured, of_blocks, 0.0)) / theta[0])
+    return _Fit(bins, blocks, theta) if theta[0] > 0 else None
 
 
 def _means(s: Signals, knots: np.ndarray, rows: slice, width: int) -> np.ndarray:

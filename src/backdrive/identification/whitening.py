@@ -117,7 +117,7 @@ def colour_of(
     at = np.flatnonzero(used)
     large = regression.HUBER * regression.robust_spread(residual[at])
     score = np.clip(residual[at], -large, large)
-    correlation = min(max(_unclipped(neighbours(score, np.diff(at))), OPPOSITE), MOST)
+    correlation = min(max(before_clipping(neighbours(score, np.diff(at))), OPPOSITE), MOST)
     if SLIGHT < correlation < 0.0:
         return WHITE
     if not (correlation > 0.0 and large > 0.0 and false and false[0] > 0.0):
@@ -155,7 +155,7 @@ def _of_neighbours(sample: float, width: int) -> float:
     return sample * ((1.0 - sample**width) / (1.0 - sample)) ** 2 / whole
 
 
-def _unclipped(correlation: float) -> float:
+def before_clipping(correlation: float) -> float:
     """Return the correlation of normal noise by that of the same noise after clipping [-].
 
     Of a function of normal noise the correlation is a sum of powers of that of the noise, by the squares of its coefficients in
