@@ -17,7 +17,8 @@ from backdrive.logs.quantiles import median
 
 BIN_TIME = 0.01  # shortest bin [s]
 LONGEST_BIN = 0.1  # longest bin [s]
-SHORTER = 0.7  # length of a bin after the default low pass [period of its cutoff frequency]
+RINGING = 0.8  # length of a bin after a low pass [period of its cutoff frequency]
+SHORTER = 0.7  # the same after the default low pass
 OF_A_MOVE = 0.125  # longest bin, relative to the median time between two reversals [-]
 BLOCK_TIME = 1.5  # shortest cross-validation block, unless `BLOCKS` requires shorter ones [s]
 BLOCKS = (8, 24)  # least and largest number of blocks
@@ -117,7 +118,7 @@ def moving_average(correlation: float) -> float:
 
 
 def bin_time(stretches: Sequence[Signals], cutoff: float | None) -> float:
-    """Return the length of a bin [s]: a period of the cutoff frequency, which removes ringing about reversals, within limits.
+    """Return the length of a bin [s]: most of a period of the cutoff frequency, against ringing about reversals, within limits.
 
     The default low pass hardly changes the motion, so shorter bins do: they keep more of what coloured noise leaves to be seen.
 
@@ -125,7 +126,7 @@ def bin_time(stretches: Sequence[Signals], cutoff: float | None) -> float:
         stretches: of one joint.
         cutoff: cutoff frequency of the motion's low pass [Hz]; None: the default.
     """
-    ringing = 1.0 / cutoff if cutoff else SHORTER / default_cutoff(stretches[0].rate)
+    ringing = RINGING / cutoff if cutoff else SHORTER / default_cutoff(stretches[0].rate)
     period = period_of([s.moves for s in stretches])
     longest = 0.5 * OF_A_MOVE * period if period else LONGEST_BIN
     return max(BIN_TIME, min(ringing, longest, LONGEST_BIN))
