@@ -184,10 +184,10 @@ def test_reversals_tell_a_delay_that_the_inertia_does_not(late_logs, monkeypatch
         with monkeypatch.context() as patch:
             if without:
                 patch.setattr("backdrive.identification.motion.slip_at_crossings", lambda slip, *_: slip)
-            found = [
-                identify([log], method="motion", law="coulomb-viscous").model.joints[0] for log in late_logs
-            ]
-        told[without] = [joint for joint in found if joint.standard_errors]
+            results = [identify([log], method="motion", law="coulomb-viscous") for log in late_logs]
+        told[without] = [r.model.joints[0] for r in results if r.model.joints[0].standard_errors]
+        said = [r for r in results if crossing_fit.TOLD in r.evidence[0].verdict]
+        assert len(said) == (0 if without else len(told[without]))
     assert len(told[False]) >= len(told[True]) + 2
     for joint in told[False]:
         delay = joint.dynamics["time_slip"]

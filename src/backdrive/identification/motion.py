@@ -208,7 +208,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
             with suppress(NotIdentifiable):
                 choice, bins, *_ = choose(slip, average(shift(slip.delay, slid)))
                 found = slip_at_crossings(slip, with_late(slip, choice, bins), stretches, smooth.error)
-                slip, timed = found, found is not slip
+                slip, timed = found, found.is_known
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, colour=WHITE)
