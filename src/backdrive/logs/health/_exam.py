@@ -116,19 +116,25 @@ class Exam:
             self._columns[key] = np.ascontiguousarray(self.log.channels[channel][:, joint])
         return self._columns[key]
 
+    def by_block(self, channel: str, joint: int) -> list[np.ndarray]:
+        """Return a joint's channel on each of the `blocks`."""
+        if len(self.log) <= _SAMPLES:
+            column = self.column(channel, joint)
+            return [column[b] for b in self.blocks]
+        array = self.log.channels[channel]
+        return [array[b, joint] for b in self.blocks]
+
     @once
     def sample(self, channel: str, joint: int) -> np.ndarray:
         """Return a joint's channel on the rows of `blocks`, (m,)."""
-        array = self.log.channels[channel]
         if len(self.blocks) == 1:
             return self.column(channel, joint)
-        return np.concatenate([array[b, joint] for b in self.blocks])
+        return np.concatenate(self.by_block(channel, joint))
 
     @once
     def changes(self, channel: str, joint: int) -> np.ndarray:
         """Return absolute differences of neighbours on the rows of `blocks`, (m,)."""
-        array = self.log.channels[channel]
-        return np.concatenate([np.abs(np.diff(array[b, joint])) for b in self.blocks])
+        return np.concatenate([np.abs(np.diff(x)) for x in self.by_block(channel, joint)])
 
     @once
     def quantum(self, channel: str, joint: int) -> float:

@@ -21,6 +21,8 @@ _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
 _FOLDS = 12
 _EVEN = 1e-9  # range of the intervals below which they differ by rounding only [interval]
 _FORGOTTEN = 4.0  # settling time of a low pass after a reversal [time constant]
+#: Most other joints whose accelerations are terms; with all of many, the cost would grow with the square of their number.
+_OTHERS = 12
 #: Below this share of the top speed, presliding and frictional lag dominate the friction.
 SLOW = 0.1
 
@@ -31,8 +33,8 @@ class Motion:
 
     Attributes:
         terms: acceleration, sign of velocity, velocity, one, and position (as sine and cosine where it is wide);
-            then what only some questions need: velocity times its magnitude, the sign at low speed, and the other
-            joints' accelerations, (m, p).
+            then what only some questions need: velocity times its magnitude, the sign at low speed, and the accelerations
+            of `others`, (m, p).
         plain: number of columns up to and including position.
         velocity: filtered velocity [rad/s or m/s], (m,).
         torque: filtered torque, column by column `shifts` samples later [N.m or N], (m, k).
@@ -40,6 +42,7 @@ class Motion:
         fast: True where the filters contain no slow motion and no reversal, (m,).
         noise: variance of the noise left in the filtered torque [(N.m)2 or N2].
         fold: number of the stretch of the log that each instant belongs to, (m,).
+        others: columns of the other joints that accelerate; of many, those that go along with the torque most.
     """
 
     terms: np.ndarray
@@ -50,6 +53,7 @@ class Motion:
     fast: np.ndarray
     noise: float
     fold: np.ndarray
+    others: list[int]
 
 
 @once
@@ -68,16 +72,15 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     every, shifts = heavy // 2, np.arange(-reach, reach + 1)
     each, plain, top = _columns(exam, j)
     terms, torque, fast, raws = (list[np.ndarray]() for _ in range(4))
-    for number, block in enumerate(exam.blocks):
+    for number, raw in enumerate(exam.by_block("torque", j)):
         v = own[number][1]
         if not v.size:
             continue
         slow = np.concatenate([[0], np.cumsum(np.abs(v) < SLOW * top)])
-        others = [pulls[number] for k, _ in exam if k != j and (pulls := _pull(exam, k, reach)) is not None]
-        raws.append(exam.log.channels["torque"][block, j])
-        smooth = running(running(raws[-1], light), heavy)
+        raws.append(raw)
+        smooth = running(running(raw, light), heavy)
         at = np.arange(reach, len(smooth) - reach, every)
-        terms.append(np.column_stack([sparse(each[number], heavy, reach).T, *others]))
+        terms.append(sparse(each[number], heavy, reach).T)
         if at.size:
             torque.append(np.lib.stride_tricks.sliding_window_view(smooth, shifts.size)[at - reach])
         fast.append(slow[at] == slow[at + 3 * heavy - 2])  # none of the samples that the means reach
@@ -85,24 +88,38 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     if m < 4 * _FOLDS:
         return None
     white = exam.noise("torque", j) if len(exam.blocks) == 1 else white_noise(*raws)
-    columns = np.concatenate(terms)
+    columns, delayed = np.concatenate(terms), np.concatenate(torque)
+    others = _other_joints(exam, j, reach, columns[:, :plain], delayed[:, reach])
     return Motion(
-        terms=columns,
+        terms=np.column_stack([columns, *(_pull(exam, k, reach) for k in others)]),
         plain=plain,
         velocity=columns[:, 2],
-        torque=np.concatenate(torque),
+        torque=delayed,
         shifts=shifts,
         fast=np.concatenate(fast),
         noise=white**2 * _gain(*_widths(exam.period)),
         fold=(np.arange(m) * _FOLDS) // m,
+        others=others,
     )
 
 
 @once
-def _pull(exam: Exam, j: int, reach: int) -> list[np.ndarray] | None:
-    """Return a joint's acceleration by block at the instants of `motion`, as a term of all other joints."""
-    path, heavy = _path(exam, j), _widths(exam.period)[1]
-    return None if path is None else [sparse(a[None], heavy, reach)[0] if a.size else a for _, _, a in path]
+def _pull(exam: Exam, j: int, reach: int) -> np.ndarray:
+    """Return a joint's acceleration at the instants of `motion`, as a term of other joints, (m,)."""
+    path, heavy = _path(exam, j) or [], _widths(exam.period)[1]
+    return np.concatenate([sparse(a[None], heavy, reach)[0] for _, _, a in path if a.size])
+
+
+def _other_joints(exam: Exam, j: int, reach: int, terms: np.ndarray, torque: np.ndarray) -> list[int]:
+    """Return the columns `Motion.others`, given a joint's own terms (m, p) and its torque (m,)."""
+    others = [k for k, _ in exam if k != j and _path(exam, k) is not None]
+    if len(others) <= _OTHERS:
+        return others
+    left = torque - terms @ np.linalg.solve(solvable(terms.T @ terms), terms.T @ torque)
+    along = [
+        abs(left @ a) / max(float(a @ a), 1e-300) ** 0.5 for a in (_pull(exam, k, reach) for k in others)
+    ]
+    return sorted(others[i] for i in np.argsort(along)[-_OTHERS:])
 
 
 @once
@@ -124,12 +141,15 @@ def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
     return parts, plain, top
 
 
-def lagging(exam: Exam, j: int, reach: int, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+def lagging(
+    exam: Exam, j: int, others: list[int], reach: int, seconds: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Return the terms of `motion` behind a low pass of first order, (m, p), and where slow motion is forgotten, (m,).
 
     Args:
         exam: the log.
         j: column of the joint.
+        others: `Motion.others`.
         reach: as `motion` was called with it [sample].
         seconds: time constant of the low pass [s].
     """
@@ -137,13 +157,13 @@ def lagging(exam: Exam, j: int, reach: int, seconds: float) -> tuple[np.ndarray,
 
     heavy, gain = _widths(exam.period)[1], -np.expm1(-exam.period / seconds)
     each, _, top = _columns(exam, j)
-    others = [path for k, _ in exam if k != j and (path := _path(exam, k)) is not None]
+    pulls = [_path(exam, k) or [] for k in others]
     parts, forgotten = (list[np.ndarray]() for _ in range(2))
     memory = round(_FORGOTTEN * seconds / exam.period)
     for number, own in enumerate(each):
         if not own.size:
             continue
-        x = np.vstack([own, *(path[number][2] for path in others)])
+        x = np.vstack([own, *(path[number][2] for path in pulls)])
         late = lfilter([gain], [1.0, gain - 1.0], x, axis=1, zi=(1.0 - gain) * x[:, :1])[0]
         filtered = sparse(late, heavy, reach).T
         at = reach + heavy // 2 * np.arange(len(filtered))
@@ -185,12 +205,11 @@ def _path(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]
     light, heavy = _widths(exam.period)
     out: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     none = np.empty(0)
-    for block in exam.blocks:
+    for block, x in zip(exam.blocks, exam.by_block(source, j), strict=True):
         if block.stop - block.start < 3 * (light + heavy) + 12:
             out.append((none, none, none))
             continue
         t, steps = exam.log.time[block] - exam.log.time[block.start], exam.steps[block.start : block.stop - 1]
-        x = exam.log.channels[source][block, j]
         if source == "velocity":
             x = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
         q, even = running(x, light), np.ptp(steps) < _EVEN * exam.period

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Rows a piece; seven columns of doubles then fit a second-level cache.
-_PIECE = 1 << 13
+#: Numbers a piece, which then fit a second-level cache; and the fewest rows.
+_PIECE, _ROWS = 1 << 16, 1 << 10
 #: A run of this many equal samples is checked in detail.
 RUN = 20
 
@@ -45,8 +45,9 @@ def survey(array: np.ndarray) -> Survey:
     finite, long_run = np.ones(joints, bool), np.zeros(joints, bool)
     low, high = np.full(joints, np.inf), np.full(joints, -np.inf)
     step, spike, equal = np.zeros(joints), np.zeros(joints), np.zeros(joints)
-    for start in range(0, n, _PIECE):
-        piece = array[start : start + _PIECE + RUN]
+    rows = max(_PIECE // max(joints, 1), _ROWS)
+    for start in range(0, n, rows):
+        piece = array[start : start + rows + RUN]
         finite &= np.isfinite(piece).all(axis=0)
         np.fmin(low, np.fmin.reduce(piece, axis=0), out=low)
         np.fmax(high, np.fmax.reduce(piece, axis=0), out=high)
@@ -54,11 +55,11 @@ def survey(array: np.ndarray) -> Survey:
         if not change.size:
             continue
         if not change.any():  # a level channel
-            equal += min(len(change), _PIECE)
+            equal += min(len(change), rows)
             long_run |= len(change) >= RUN - 1
             continue
         same = change == 0
-        equal += same[:_PIECE].sum(axis=0)
+        equal += same[:rows].sum(axis=0)
         if same.any():
             count = np.cumsum(same, axis=0, dtype=np.int32)
             window = count[RUN - 2 :].copy()

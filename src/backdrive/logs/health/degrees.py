@@ -91,7 +91,7 @@ def _fast(exam: Exam, j: int) -> float:
         return 0.0
     if not _turns_back(exam, j):
         return 0.0
-    parts = [exam.log.channels["position"][rows, j] for rows in exam.blocks]
+    parts = exam.by_block("position", j)
     speeds = [np.abs(part[_TEN:] - part[:-_TEN]) for part in parts if part.size > _TEN]
     return float(np.quantile(np.concatenate(speeds), 0.99)) / (_TEN * exam.period) if speeds else 0.0
 

@@ -146,8 +146,7 @@ def _ticks(exam: Exam, j: int, v: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 def _usual_excess(exam: Exam, channel: str, j: int, enough: float) -> tuple[float, int]:
     """Return the excess that only a few samples exceed, or infinity if it is larger than `enough`, and how many they are."""
-    array = exam.log.channels[channel]
-    every = np.concatenate([excess(np.diff(array[b, j])) for b in exam.blocks])
+    every = np.concatenate([excess(np.diff(x)) for x in exam.by_block(channel, j)])
     count = int(10 + 0.001 * every.size)
     rank = min(count + 1, every.size)
     if np.count_nonzero(every > enough) >= rank:
@@ -161,8 +160,7 @@ def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
 
     At a start from rest, and at a stop, torque and velocity differ from all others by up to their size, and are sound.
     """
-    x = exam.log.channels[channel][:, j]
-    survey = exam.survey(channel)
+    x, survey = exam.log.channels[channel][:, j], exam.survey(channel)
     found: list[int] = []
     may_rest = channel not in ("position", "second_encoder")
     for end, row, rest in ((0, 0, x[1:]), (1, x.size - 1, x[:-1])):

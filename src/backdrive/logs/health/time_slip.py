@@ -140,12 +140,12 @@ def _by_low_pass(exam: Exam, j: int, slip: Slip) -> float:
     late = slip.samples * exam.period
     if m is None or late <= 0.0:
         return 0.0
-    used = m.fast & lagging(exam, j, REACH, late)[1]
+    used = m.fast & lagging(exam, j, m.others, REACH, late)[1]
     if np.count_nonzero(used) < _FEWEST:
         return 0.0
     now = m.torque[used][:, [REACH]]
     shifted = _bottom(_misfits(m.terms[used], m.torque[used]))
-    lagged = np.array([_misfits(lagging(exam, j, REACH, x * late)[0][used], now)[0] for x in _LAGS])
+    lagged = np.array([_misfits(lagging(exam, j, m.others, REACH, x * late)[0][used], now)[0] for x in _LAGS])
     return _LAGS[int(np.argmin(lagged))] * late if _bottom(lagged) < shifted else 0.0
 
 
