@@ -125,3 +125,35 @@ def test_bursts_of_torque_leave_inertia_and_delay_alone(size, length):
     assert found["inertia"].value == pytest.approx(0.4, abs=5e-4) and found["inertia"].standard_error < 2e-4
     assert found["time_slip"].value == pytest.approx(0.0, abs=1e-4)
     assert found["gravity_sin"].value == pytest.approx(2.0, abs=0.01)
+
+
+def chirp(late, count=2.0 * np.pi / 2**17, seed=0):
+    """A small chirp about the horizontal, on an encoder whose steps are a fifth of the acceleration."""
+    t, amplitude, begin, end, seconds = np.arange(30_000) / RATE, 0.15, 0.1, 1.0, 30.0
+    slope = (end - begin) / seconds
+
+    def motion(t):
+        phase, w = 2.0 * np.pi * (begin * t + 0.5 * slope * t**2), 2.0 * np.pi * (begin + slope * t)
+        q = amplitude * np.sin(phase)
+        return q, amplitude * w * np.cos(phase), -(w**2) * q + 2.0 * np.pi * slope * amplitude * np.cos(phase)
+
+    q, dq, ddq = motion(t - late)
+    torque = ddq + 10.0 * np.sin(q) + 5.0 * np.tanh(dq / 1e-4) + 3.0 * dq
+    torque = torque + 0.3 * np.random.default_rng(seed).standard_normal(t.size)
+    joint = Joint(name="j1", unit="rad")
+    seen = np.round(motion(t)[0] / count) * count
+    return Log(time=t, joints=(joint,), position=seen[:, None], torque=torque[:, None])
+
+
+@pytest.mark.parametrize("late", [0.0, 0.004, 0.02, 0.06])
+def test_a_delay_in_a_sweep_on_a_coarse_encoder_is_told_and_no_other(late):
+    result = identify(chirp(late))
+    friction = result.model.joints[0]
+    said, slip = " ".join(friction.warnings), friction.dynamics["time_slip"]
+    assert result.method == "sweep" and "earlier than" not in said
+    assert ("after it acted" in said) == (late > 0.01) and ("seems to come" in said) == (late == 0.004)
+    assert abs(slip.value - late) < 3.0 * slip.standard_error
+    assert friction.dynamics["inertia"].value == pytest.approx(1.0, abs=0.04)
+    speed = np.array(friction.law.rate.velocity)
+    off = np.abs(np.array(friction.law.rate.positive) - 5.0 - 3.0 * speed)
+    assert np.all(off < 4.0 * np.array(friction.standard_errors["positive"]))

@@ -536,7 +536,7 @@ def test_delays_of_several_sweeps_are_averaged_by_their_errors(monkeypatch):
 
 
 def test_a_long_delay_is_sought_from_the_coarse_one_and_taken_where_the_two_agree(monkeypatch):
-    vague = 0.6 / RATE
+    vague = 2.2 / RATE
     for fine, error, taken in (
         (-0.052, vague, True), (-0.052, 0.011, False), (-0.2, vague, False), (0.05, vague, False), (-0.052, 0.4 / RATE, True),
     ):  # fmt: skip

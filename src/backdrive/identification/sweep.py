@@ -21,6 +21,7 @@ from backdrive.identification.quality import assess_parts
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import past_build_up
 from backdrive.identification.signals import Signals, prepare
+from backdrive.identification.smoothing import smoothing
 from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_equations import ALL
 from backdrive.identification.sweep_fit import SweepFit, fit
@@ -123,7 +124,8 @@ def identify_sweep(
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     about = logs[0].select(joint).on_joint_side().joints[0]
-    stretches = [prepare(log, joint) for log in logs]
+    cutoff = None if literal else smoothing(logs, joint).cutoff
+    stretches = [prepare(log, joint, cutoff=cutoff) for log in logs]
     delays, errors, remarks = drive_delays(logs, joint, stretches, timing, literal, delay)
     each, late = _each(logs, joint, stretches, delays, errors)
     used = each
@@ -174,7 +176,8 @@ def fit_sweeps(
     """
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
-    stretches = [prepare(log, joint) for log in logs]
+    cutoff = smoothing(logs, joint).cutoff
+    stretches = [prepare(log, joint, cutoff=cutoff) for log in logs]
     delays, errors, remarks = drive_delays(logs, joint, stretches, timing, False)
     each, late = _each(logs, joint, stretches, delays, errors)
     unit = logs[0].joints[logs[0].column(joint)].unit

@@ -24,7 +24,7 @@ from backdrive.identification.function_a import correct_pairs
 from backdrive.identification.noise import noise_of
 from backdrive.identification.residual import residual_of
 from backdrive.identification.signals import Signals
-from backdrive.identification.slip import LONG, coarse_delay, is_long
+from backdrive.identification.slip import KNOWN, LONG, SURE, coarse_delay, is_long
 from backdrive.identification.sweep_windows import Windows, windows
 from backdrive.identification.timing import Timing, torque_timing
 from backdrive.logs import filters
@@ -33,7 +33,7 @@ from backdrive.logs.log import Log
 SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [-]
 SIGNIFICANT = 4.0  # least significance of a growth of friction with the load [standard error]
 CORNER = 6.5  # cutoff frequency of the low pass, relative to the frequency of the fastest cycle [-]
-TOLD = 0.5  # largest standard error of an estimated delay [sampling interval]
+TOLD = 0.5  # largest standard error of a delay of any length; one that is longer for sure may have that of `KNOWN` [sampling interval]
 PLAIN = (
     2.0  # largest distance of the delay from that of a command or a sample without a remark [standard error]
 )
@@ -134,7 +134,8 @@ def drive_delays(
         again = [sweep_delay(stretches[i], c, -coarse) for i, c in zip(open_, cycles, strict=True)]
         delay, error = _together(again)
     late = -delay  # delay of the logged torque behind the motion
-    if not (error < TOLD * period or is_long(late, error, period, coarse)):
+    known = error < KNOWN * period and abs(delay) > SURE * error + period and coarse is None
+    if not (error < TOLD * period or known or is_long(late, error, period, coarse)):
         odd = max(delay, -0.5 * period - delay) > BEYOND * error  # neither commanded nor sampled
         agreed = _with_shift(delay, error, every) if odd else None
         if agreed is None:
