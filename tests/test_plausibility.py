@@ -386,6 +386,23 @@ def test_another_load_in_one_of_several_logs():
     assert sum("Inertia or gravity differs between the logs" in sentence for sentence in said) == 1
 
 
+def test_one_speed_a_log_on_a_coarse_encoder_is_no_other_load():
+    """The slowest log tells no inertia: beside it, a factor for each other log is as large as the inertia itself."""
+    rng, count, logs = np.random.default_rng(0), 2.0 * np.pi / 2**17, []
+    for speed in (0.05, 0.1, 0.2, 0.3, 0.4, 0.6):
+        rise, level = np.arange(0.0, speed, 0.004), np.full(round(1000.0 / speed), speed)  # 4 rad/s2, about a rad
+        move = np.concatenate([np.zeros(300), rise, level, rise[::-1]])
+        dq = np.concatenate([move, -move, np.zeros(300)])
+        q = 0.001 * np.cumsum(dq)
+        torque = 1000.0 * np.gradient(dq) + 50.0 * np.sin(q - 0.5) + 5.0 * np.tanh(dq / 1e-4) + 3.0 * dq
+        torque += 0.3 * rng.standard_normal(q.size)
+        time = 0.001 * np.arange(q.size)
+        logs.append(Log.from_arrays(time=time, position=count * np.round((q - 0.5) / count), torque=torque))
+    (one,) = identify(logs, method="motion").model.joints
+    assert one.dynamics["inertia"].value == pytest.approx(1.0, abs=0.03)
+    assert not [sentence for sentence in one.warnings if "differs between the logs" in sentence]
+
+
 def test_fine_cogging(sound):
     sentences = remarks(sound.replace(torque=sound.torque + 0.5 * np.sin(70.0 * sound.position)))[1]
     assert any("Torque follows the position every 0.09" in s for s in sentences)

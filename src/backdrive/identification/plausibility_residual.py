@@ -181,6 +181,11 @@ def structure(case: Case) -> Remark | None:
         (_lasting(res, one, columns, highest[sentence], least) if sentence in highest else one, sentence)
         for one, (columns, sentence) in zip(explained, causes, strict=True)
     ]
+    # a factor for each log but one is large where that one tells no inertia: only what all logs together do not explain counts
+    tests = [
+        (replace(e, size=e.beyond) if e is not None and sentence == differs else e, sentence)
+        for e, sentence in tests
+    ]
     of_torque, of_friction = res.over_position
     tests += [
         (of_torque, f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),

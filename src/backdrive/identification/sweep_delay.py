@@ -33,7 +33,7 @@ from backdrive.logs.log import Log
 SHARE = 0.3  # samples faster than this share of a cycle's peak speed are used [-]
 SIGNIFICANT = 4.0  # least significance of a growth of friction with the load [standard error]
 CORNER = 6.5  # cutoff frequency of the low pass, relative to the frequency of the fastest cycle [-]
-TOLD = 0.5  # largest standard error of a delay of any length; one that is longer for sure may have that of `KNOWN` [sampling interval]
+TOLD = 0.5  # largest standard error of an estimated delay; up to `KNOWN` it must be long for sure [sampling interval]
 PLAIN = (
     2.0  # largest distance of the delay from that of a command or a sample without a remark [standard error]
 )
