@@ -94,6 +94,10 @@ def sniff(raw: bytes, *, whole: bool) -> Dialect:
     )
     if first is None:
         raise UnknownFormat("The text holds no table of numbers.", remedy="Name the right file.")
+    # a word among the numbers of the first rows makes no header of them
+    above = [i for i in range(first) if lines[i].strip()]
+    while above and _begins_as_row(cells(lines[above[-1]], delimiter), width, comma, numeric):
+        first = above.pop()
     names, stated, headless = _header(
         [line for line in lines[:first] if line.strip()], delimiter, width, comma
     )
@@ -170,6 +174,14 @@ def _judge(lines: list[str], delimiter: str) -> tuple[float, str, int, bool, tup
             if any(kind != "empty" for kind in kinds):
                 score += sum(weight[kind] for kind in kinds) / len(kinds)
     return score * lines_so_wide / max(len(lines), 1), delimiter, width, comma, tuple(numeric)
+
+
+def _begins_as_row(row: list[str], width: int, comma: bool, numeric: tuple[int, ...]) -> bool:
+    """Return whether a line has the width of a row, a number in its first column of numbers, and numbers in half of them."""
+    if len(row) < width or any(row[width:]):
+        return False
+    numbers = [_kind(row[i], comma) in ("number", "commented") for i in numeric]
+    return numbers[0] and 2 * sum(numbers) >= len(numbers)
 
 
 def _next_non_empty(lines: list[str], at: int) -> int | None:
