@@ -96,7 +96,7 @@ def outcome(table: str, kind: int, seed: int, level: float = 0.0) -> Outcome:
         said = answer(planted, planted[0].joint, options)
         base = answer(twin, twin[0].joint, {} if about.none is None else options)
     joint = planted[0].joint
-    repaired, away = _repaired(planted, joint, said)
+    repaired, away = _repaired(planted, joint, said, base)
     own = said.remarks - base.remarks
     return Outcome(
         table=table,
@@ -160,8 +160,8 @@ def _error(result: Any, joint: Joint) -> tuple[float, float]:
     return float(off[worst]) / size, float(off[worst] / error[worst])
 
 
-def _repaired(records: list[Record], joint: Joint, said: Answer) -> tuple[str, bool]:
-    """Return which repairs are offered, and whether they lead away from the truth."""
+def _repaired(records: list[Record], joint: Joint, said: Answer, base: Answer) -> tuple[str, bool]:
+    """Return which repairs are offered, and whether they lead away from the truth, given what is said of logs and of their twin."""
     offered = sorted({f.name for made in records for f in check(to_log(made)) if f.repairable})
     if not offered:
         return "", False
@@ -170,4 +170,5 @@ def _repaired(records: list[Record], joint: Joint, said: Answer) -> tuple[str, b
         return " ".join(offered), said.level != "refused"
     farther = mended.off > said.off + REPAIR_SHARE and mended.sure > ERRORS and said.level != "refused"
     wrong = mended.off > SHARE and mended.sure > ERRORS and mended.level == "good" and said.level == "refused"
+    wrong = wrong and mended.off > base.off + REPAIR_SHARE  # what noise does to the twin, no repair has done
     return " ".join(offered), bool(farther or wrong)
