@@ -7,6 +7,7 @@ from backdrive import Joint, Log, identify
 from backdrive.identification import crossing_fit
 from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum, noise_of
 from backdrive.identification.signals import prepare
+from backdrive.identification.smoothing import smoothing
 from backdrive.identification.zero_crossing import (
     EDGE,
     FINE,
@@ -272,3 +273,29 @@ def test_the_noise_is_that_before_columns_took_a_part_of_it():
         beside.append(1.0 - noise_of(*given, [X], *about).correlation)
     assert np.mean(alone) > 0.03
     assert np.mean(beside) == pytest.approx(0.02, abs=0.006)
+
+
+def test_lost_samples_tell_nothing_of_a_reversal(motion):
+    """What is interpolated where a sample was lost has no noise of its own, and friction does not cross zero on a chord."""
+    rng = np.random.default_rng(3)
+    q, u = motion
+    log = log_of(q, u, rng, 0.98)
+    kept = np.sort(rng.choice(np.arange(len(log)), len(log) - 60, replace=False))
+    kept[[0, -1]] = 0, len(log) - 1
+    holes = log.rows(kept)
+    (stretch,) = prepare(holes, "joint")
+    assert stretch.lost is not None and stretch.lost.sum() == len(log) - np.unique(kept).size
+    assert (
+        stretch.lost[np.setdiff1d(np.arange(len(log)), kept)].all() and prepare(log, "joint")[0].lost is None
+    )
+    errors = [smoothing([x], "joint").error.size for x in (log, holes)]
+    assert errors[1] == pytest.approx(errors[0])  # a chord is no noise of the encoder
+    (passage,) = passages_of([stretch], (), 1e-6)
+    assert not passage.moving[stretch.lost].any() and passage.moving.mean() > 0.8
+    whole, rest = (identify(x, method="motion", law="coulomb-viscous") for x in (log, holes))
+    for result in (whole, rest):
+        assert crossing_fit.SAID in result.evidence[0].verdict
+    one, other = (r.model.joints[0] for r in (whole, rest))
+    error = one.standard_errors["coulomb_positive"]
+    assert abs(one.law.rate.coulomb_positive - other.law.rate.coulomb_positive) < 1.5 * error
+    assert other.standard_errors["coulomb_positive"] < 1.3 * error

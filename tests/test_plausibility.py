@@ -390,7 +390,10 @@ def test_one_speed_a_log_on_a_coarse_encoder_is_no_other_load():
     """The slowest log tells no inertia: beside it, a factor for each other log is as large as the inertia itself."""
     rng, count, logs = np.random.default_rng(0), 2.0 * np.pi / 2**17, []
     for speed in (0.05, 0.1, 0.2, 0.3, 0.4, 0.6):
-        rise, level = np.arange(0.0, speed, 0.004), np.full(round(1000.0 / speed), speed)  # 4 rad/s2, about a rad
+        rise, level = (
+            np.arange(0.0, speed, 0.004),
+            np.full(round(1000.0 / speed), speed),
+        )  # 4 rad/s2, about a rad
         move = np.concatenate([np.zeros(300), rise, level, rise[::-1]])
         dq = np.concatenate([move, -move, np.zeros(300)])
         q = 0.001 * np.cumsum(dq)

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.clock import EVEN, between_gaps, uniform
+from backdrive.identification.clock import EVEN, between_gaps, lost, uniform
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 from backdrive.logs.quantiles import quantile
@@ -51,6 +51,7 @@ class Signals:
         load: motor-side and external torque, for laws that depend on load [N.m or N], (n, 2); None if absent.
         temperature: [degC], (n,); None if absent.
         measured: position as it was measured [rad or m], (n,); None for a velocity-only log.
+        lost: True where a sample was lost, and all is interpolated, (n,); None if none was.
     """
 
     time: np.ndarray
@@ -66,6 +67,7 @@ class Signals:
     load: np.ndarray | None = None
     temperature: np.ndarray | None = None
     measured: np.ndarray | None = None
+    lost: np.ndarray | None = None
 
     def __post_init__(self):
         if not self.sliding.size:
@@ -175,6 +177,7 @@ def _finite(log: Log) -> Log:
 
 
 def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signals:
+    stamped = log
     clock, log = uniform(log, period)
     mean = float(clock[-1] - clock[0]) / (clock.size - 1)
     if abs(mean - period) > EVEN * period:  # stamps that vary make the median of their intervals vary
@@ -203,6 +206,7 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         load=_load(log),
         temperature=None if log.temperature is None else log.temperature[:, 0],
         measured=None if log.position is None else log.position[:, 0],
+        lost=lost(stamped, clock, period),
     )
 
 

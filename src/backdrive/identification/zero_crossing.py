@@ -111,7 +111,7 @@ class Passage:
         measured: position as the encoder gave it [rad or m], (n,).
         torque: mean over the triangle [N.m or N], (n,).
         corner: about the error of that mean [N.m or N], (n,).
-        moving: False in long rests, (n,).
+        moving: False in long rests, and about lost samples, (n,).
         rate: sampling frequency [Hz].
         terms: of `TERMS`, as far as they are fitted.
         noise: standard deviation of a position [rad or m].
@@ -214,7 +214,7 @@ def passages_of(
         torque = (s.torque if s.model_torque is None else s.torque - s.model_torque)[::every]
         corner = np.zeros(torque.size)
         corner[1:-1] = CORNER / 12.0 * np.abs(torque[2:] - 2.0 * torque[1:-1] + torque[:-2])
-        moves = s.moving[::every]
+        moves = (s.moving if s.lost is None else s.moving & ~s.lost)[::every]
         moving = moves.copy()
         for first, last in spans(~moves):
             moving[max(first - EDGE, 0) : last + EDGE] = False
