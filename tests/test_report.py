@@ -216,10 +216,11 @@ def test_summary_shows_the_models_numbers(page, result):
     assert [row[0] for row in rows] == list(ORDINARY)
     for row, friction, evidence in zip(rows, result.model.joints, result.evidence, strict=True):
         assert row[1] == grade(friction).word
-        top = max(np.abs(friction.validity.velocity))
-        for cell, speed in ((row[2], 0.02 * top), (row[3], top)):
+        reach = {1: friction.validity.velocity[1], -1: -friction.validity.velocity[0]}
+        low = 0.02 * max(reach.values())
+        for cell, speeds in ((row[2], {1: low, -1: low}), (row[3], reach)):
             lines = cell.split("\n")
-            for line, sign in ((lines[0], 1), (lines[1], -1)):
+            for line, (sign, speed) in zip(lines, speeds.items(), strict=False):
                 ((value, error),) = shown_numbers(line)
                 curve = evidence.curve
                 side = np.sign(curve.velocity) == sign
@@ -227,7 +228,8 @@ def test_summary_shows_the_models_numbers(page, result):
                 expected_error = np.interp(sign * speed, curve.velocity[side], curve.standard_error[side])
                 assert value == pytest.approx(expected, rel=2e-3)
                 assert error == pytest.approx(expected_error, rel=0.06, nan_ok=True)
-            assert f"{number(speed)} {friction.joint.unit}/s" in lines[2]
+            at = " and ".join(dict.fromkeys(map(number, speeds.values())))
+            assert f"{at} {friction.joint.unit}/s" in lines[2]
         for cell, quality in ((row[4], friction.fitted), (row[5], friction.held_out)):
             assert cell == ("—" if quality is None else f"{number(quality.residual)} %")
         assert row[6] == (str(len(friction.warnings)) if friction.warnings else "none")

@@ -30,7 +30,7 @@ def uniform(log: Log, period: float) -> tuple[np.ndarray, Log]:
     """Return a uniform clock, and the log interpolated onto it if its own clock is not uniform.
 
     Stamps that vary about even instants may be those of the samples, or only late: which of them shows in the motion. Which
-    instants got no sample of their own, `lost` tells.
+    instants got no sample of their own, `holes` tells.
     """
     n = round(log.duration / period) + 1
     clock = log.time[0] + period * np.arange(n)
@@ -53,7 +53,7 @@ def _between(name: str, time: np.ndarray, x: np.ndarray, clock: np.ndarray) -> n
     return CubicSpline(time, x)(clock)
 
 
-def lost(log: Log, clock: np.ndarray, period: float) -> np.ndarray | None:
+def holes(log: Log, clock: np.ndarray, period: float) -> np.ndarray | None:
     """Return where a clock (m,) has no sample of a log nearby, (m,); None where it has one everywhere.
 
     Args:

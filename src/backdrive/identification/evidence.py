@@ -21,7 +21,7 @@ from backdrive.model import JointFriction
 
 MOST = 4000  # largest number of samples for pictures
 SURE = 5.0  # least significance of a constant beside friction that is mentioned [standard error]
-ALIKE = 0.05  # largest difference of the top speeds by direction that are stated as one, relative to the larger [-]
+SEEN = 0.05  # least speed of a direction that is stated, relative to the other's [-]
 
 
 def sentences(*table: tuple[Any, str]) -> tuple[str, ...]:
@@ -95,14 +95,10 @@ def verdict(friction: JointFriction) -> str:
     """Return the result in one or two sentences."""
     unit = friction.joint.torque_unit
     speed = f"{friction.joint.unit}/s"
-    low, high = friction.validity.velocity
     slowest, top = friction.speeds
-    ways = [sign for sign in (1.0, -1.0) if sign * (high if sign > 0 else low) > 0.05 * top]
-    tops = [
-        high if sign > 0 else -low for sign in ways
-    ]  # no direction is stated beyond the speed that it reached
-    tops = [top] * len(ways) if max(tops) - min(tops) < ALIKE * top else tops
-    slow, fast = (np.abs(friction.law.torque(speed * np.array(ways))) for speed in (slowest, np.array(tops)))
+    ways = {way: speeds[1] for way, speeds in friction.speeds_by_way.items() if speeds[1] > SEEN * top}
+    tops, signs = list(ways.values()), np.array(list(ways))
+    slow, fast = (np.abs(friction.law.torque(speed * signs)) for speed in (slowest, np.array(tops)))
     if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * fast.max():
         amount = (
             f"Friction is {slow[0]:.3g} {unit} forwards and {slow[1]:.3g} {unit} backwards at {slowest:.2g} {speed}, "

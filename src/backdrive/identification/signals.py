@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification.clock import EVEN, between_gaps, lost, uniform
+from backdrive.identification.clock import EVEN, between_gaps, holes, uniform
 from backdrive.logs import filters
 from backdrive.logs.log import Log
 from backdrive.logs.quantiles import quantile
@@ -206,7 +206,7 @@ def _segment(log: Log, period: float, cutoff: float | None, top: float) -> Signa
         load=_load(log),
         temperature=None if log.temperature is None else log.temperature[:, 0],
         measured=None if log.position is None else log.position[:, 0],
-        lost=lost(stamped, clock, period),
+        lost=holes(stamped, clock, period),
     )
 
 

@@ -19,6 +19,7 @@ from backdrive.model.quality import Bands, Quality, Verdict
 from backdrive.parameters import NOT_NEGATIVE, Bounds, WithBounds
 
 EDGE = 1e-9  # relative tolerance of the validity range's ends, for rounding errors [-]
+ALIKE = 0.05  # largest difference of the top speeds by direction that are stated as one, relative to the larger [-]
 ARM_LOW = 0.05  # "low speed" of an arm as a share of the top speed [-]
 
 
@@ -157,6 +158,19 @@ class JointFriction:
         """
         low, top = self.validity.speeds
         return max(low, ARM_LOW * top) if self.method == "arm" else low, top
+
+    @property
+    def speeds_by_way(self) -> dict[float, tuple[float, float]]:
+        """The same of each direction that was seen, 1 and -1 [rad/s or m/s].
+
+        None is stated beyond the speed that it reached, unless both are one curve.
+        """
+        low, top = self.speeds
+        reach = {1.0: self.validity.velocity[1], -1.0: -self.validity.velocity[0]}
+        one = np.isclose(*np.abs(self.law.torque(np.array([top, -top]))), rtol=1e-9, atol=0.0)
+        least = 0.0 if one else (1.0 - ALIKE) * top
+        seen = {way: top if speed > least else speed for way, speed in reach.items() if speed > 0.0}
+        return {way: (min(low, speed), speed) for way, speed in seen.items()}
 
     def driving(self, above: float = 0.0) -> tuple[float, float] | None:
         """Return the part of the validity range in which friction is negative and so drives the motion.

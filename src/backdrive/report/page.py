@@ -92,19 +92,20 @@ def error_at(curve: Curve, velocity: float) -> float:
     return float(np.interp(velocity, curve.velocity[side], curve.standard_error[side]))
 
 
-def at_speeds(friction: JointFriction, curve: Curve) -> list[tuple[float, list[tuple[float, float]]]]:
-    """Return low and top speed, each with (friction, standard error) per direction that was seen.
+def at_speeds(friction: JointFriction, curve: Curve) -> list[tuple[str, list[tuple[float, float]]]]:
+    """Return low and top speed in words, each with (friction, standard error) per direction that was seen.
 
     Args:
         friction: of the joint.
         curve: its curve, for the standard errors.
     """
-    low, high = friction.validity.velocity
-    signs = [sign for sign, seen in ((1.0, high > 0), (-1.0, low < 0)) if seen]
-    result = []
-    for speed in friction.speeds:
-        pairs = [(float(friction.law.torque(s * speed)), error_at(curve, s * speed)) for s in signs]
-        result.append((speed, pairs))
+    ways, result = friction.speeds_by_way, []
+    for which in (0, 1) if ways else ():
+        at = {way: speeds[which] for way, speeds in ways.items()}
+        pairs = [(float(friction.law.torque(way * v)), error_at(curve, way * v)) for way, v in at.items()]
+        result.append(
+            (f"{' and '.join(dict.fromkeys(map(number, at.values())))} {friction.joint.unit}/s", pairs)
+        )
     return result
 
 
@@ -119,14 +120,14 @@ def summary(result: Identification) -> str:
         largest = max((abs(f) for _, pairs in seen for f, _ in pairs), default=0.0)
         factor, unit = readable(largest, pretty_unit(friction.joint.torque_unit))
         cells = []
-        for label, (speed, pairs) in zip(("Friction, low speed", "Friction, top speed"), seen, strict=False):
+        for label, (speeds, pairs) in zip(("Friction, low speed", "Friction, top speed"), seen, strict=False):
             one = both_ways(pairs)
             both = len(one) < len(pairs)
             lines = "<br>".join(
                 f'<span class="n">{with_error(factor * f, factor * s, signed=not both)}</span>'
                 for f, s in one
             )
-            at = f'<small class="n">{unit} at {number(speed)} {friction.joint.unit}/s</small>'
+            at = f'<small class="n">{unit} at {speeds}</small>'
             at += f'<br><small class="n">{ALIKE}</small>' if both else ""
             cells.append(f'<td data-label="{label}">{lines or NOTHING}<br>{at}</td>')
         for label, quality in (

@@ -150,15 +150,15 @@ def _plain(cell: str) -> str:
 
 def _friction(friction: JointFriction, curve: Curve, which: int) -> str:
     """Return friction at the slowest or fastest speed with its error, a line each direction where they differ."""
-    speeds = page.at_speeds(friction, curve)
-    if not speeds:
+    seen = page.at_speeds(friction, curve)
+    if not seen:
         return "-"
-    speed, pairs = speeds[min(which, len(speeds) - 1)]
+    speeds, pairs = seen[which]
     unit = canvas.pretty_unit(friction.joint.torque_unit)
     pairs = both_ways(pairs)
     signed = len(pairs) == 2
     values = [with_error(f if signed else abs(f), s, signed=signed) for f, s in pairs]
-    return "\n".join([*values, f"{unit} at {speed:.3g} {friction.joint.unit}/s"])
+    return "\n".join([*values, f"{unit} at {speeds}"])
 
 
 def _rows_of(model: FrictionModel, of: Sequence[Curve]) -> list[list[str]]:
