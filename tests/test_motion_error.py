@@ -83,6 +83,19 @@ def test_the_error_of_a_log_that_is_held_out_does_not_count():
     assert smoothing([calm, wild], "j").error.size == pytest.approx(1e-3 / 2.0**0.5, rel=0.1)
 
 
+@pytest.mark.parametrize("noise", [0.0, 3e-5])
+def test_corners_of_a_motion_are_no_noise_of_its_samples(noise):
+    """A servo's acceleration jumps where friction changes its sign: above a tenth of 200 Hz that is more than rounding."""
+    t, step, rng = np.arange(6000) / 200.0, 2.0 * np.pi / 2**20, np.random.default_rng(4)
+    jumps = 8.0 * np.sign(np.sin(2.0 * np.pi * 0.71 * t + 0.3))
+    q = np.cumsum(np.cumsum(jumps) / 200.0) / 200.0 + noise * rng.standard_normal(t.size)
+    made = Log.from_arrays(time=t, position=step * np.round(q / step), torque=np.zeros(t.size))
+    (name,) = made.names
+    error = smoothing([made], name).error
+    assert error.size > 1.5 * max(noise, step / 12.0**0.5) or noise
+    assert error.of_sample == pytest.approx(max(noise, step / 12.0**0.5), rel=0.1)
+
+
 def test_positions_and_velocities_have_the_error_of_the_kind_with_more_samples():
     few, many = MotionError(size=1.0, orders=1), MotionError(size=0.1)
     assert mean_error([few, many, many], [10, 6, 6]) == many

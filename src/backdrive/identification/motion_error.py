@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import comb
 
 import numpy as np
 
 from backdrive.identification.motion_bins import moving_average
+from backdrive.identification.regression import robust_spread
 from backdrive.identification.whitening import LAGS, WHITE, Colour, power_of
 from backdrive.logs.filters import gain_of_derivative, power_gain
 from backdrive.logs.log import Log
@@ -22,6 +24,7 @@ from backdrive.logs.resolution import channel_step, encoder_step
 GRID = 1024  # number of frequencies for the error
 LENGTH, MOST = 512, 8  # length of a piece [sample], and largest number of pieces
 ABOVE = 0.1  # lowest frequency at which the noise is measured [sampling rate]
+FINER = 6  # differences of which the median size tells the noise of a sample, whatever corners the motion has at reversals
 BANDS = 4  # number of bands of frequencies in which the noise of a velocity is compared
 BENDS = 4  # differences that take the motion away
 LAG = 50  # distance of the samples between which passed steps are counted
@@ -36,11 +39,13 @@ class MotionError:
         size: its standard deviation [rad or m; of a velocity: a second].
         orders: derivatives from what is measured to the acceleration [-]: 2 for a position, 1 for a velocity.
         step: of the encoder, if its rounding is the error [rad or m; of a velocity: a second]; 0 for noise.
+        fast: standard deviation of most samples, beside corners of the motion, if it is smaller; 0: not measured [unit of `size`].
     """
 
     size: float = 0.0
     orders: int = 2
     step: float = 0.0
+    fast: float = 0.0
 
     @classmethod
     def of_steps(cls, step: float) -> MotionError:
@@ -50,7 +55,7 @@ class MotionError:
     @property
     def of_sample(self) -> float:
         """Standard deviation at one sample, without what rounding adds at low frequencies (`_excess`)."""
-        return self.step / 12.0**0.5 if self.step else self.size
+        return self.step / 12.0**0.5 if self.step else self.fast or self.size
 
     def spectrum(self, cutoff: float, rate: float, beyond: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Return the power of the error by frequency in a derivative of the low-passed motion; its mean is the mean square.
@@ -119,7 +124,8 @@ def motion_error(log: Log, measured: np.ndarray, rate: float, *, white: bool = F
         size, step = _noise(measured)[0], encoder_step(log)
         rounding = MotionError.of_steps(step)
         if size > MORE * rounding.size:
-            return MotionError(size=size)
+            fast = min(_of_most(measured), size)
+            return MotionError(size=size, fast=fast if fast > MORE * rounding.size else rounding.size)
         return rounding if white else replace(rounding, size=rounding.size * _excess(measured, step))
     step = channel_step(log, "velocity", 0)
     size, of_positions = _noise(measured, velocity=True)
@@ -162,8 +168,18 @@ def mean_error(errors: Sequence[MotionError], samples: Sequence[int]) -> MotionE
     if not count[orders]:
         return MotionError()
     alike = [(e, n) for e, n in zip(errors, samples, strict=True) if e.orders == orders]
-    size = float(np.sqrt(sum(n * e.size**2 for e, n in alike) / count[orders]))
-    return MotionError(size=size, orders=orders, step=max(e.step for e, _ in alike))
+    size, fast = (
+        float(np.sqrt(sum(n * x**2 for x, n in each) / count[orders]))
+        for each in ([(e.size, n) for e, n in alike], [(e.of_sample, n) for e, n in alike])
+    )
+    step = max(e.step for e, _ in alike)
+    told = not step and any(e.fast for e, _ in alike)
+    return MotionError(size=size, orders=orders, step=step, fast=fast if told else 0.0)
+
+
+def _of_most(x: np.ndarray) -> float:
+    """Return the standard deviation of white noise in most samples of a signal, (n,), by the median size of differences."""
+    return robust_spread(np.diff(x, FINER)) / comb(2 * FINER, FINER) ** 0.5
 
 
 def _noise(x: np.ndarray, velocity: bool = False) -> tuple[float, bool]:
