@@ -119,7 +119,7 @@ def _other_joints(exam: Exam, j: int, reach: int, terms: np.ndarray, torque: np.
     along = [
         abs(left @ a) / max(float(a @ a), 1e-300) ** 0.5 for a in (_pull(exam, k, reach) for k in others)
     ]
-    return sorted(others[i] for i in np.argsort(along)[-_OTHERS:])
+    return np.sort(np.array(others)[np.argsort(along)[-_OTHERS:]]).tolist()
 
 
 @once
