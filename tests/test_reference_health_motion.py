@@ -28,7 +28,9 @@ def jumps_by_loops(x, resolution, gaps=()):
     for k, c in enumerate(change):
         if abs(c) <= max(3 * usual, 6 * resolution) or k + 1 in gaps:
             continue
-        around = [near(k + o) for o in (-6, -5, -4, -3, 3, 4, 5, 6)]
+        before = (-6, -5, -4, -3) if k >= 6 else (7, 8, 9, 10)
+        after = (3, 4, 5, 6) if k + 6 < len(change) else (-10, -9, -8, -7)
+        around = [near(k + o) for o in (*before, *after)]
         size = c - np.median(around)
         if abs(size) <= 8 * max(np.median(np.abs(around)), resolution):
             continue

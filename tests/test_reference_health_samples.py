@@ -235,6 +235,15 @@ def test_and_by_more_than_four_steps_of_the_channel(steps, said):
             assert bool(outlier.find(Exam(log_of(500, torque=y)))) is said
 
 
+@pytest.mark.parametrize("row", [0, 1999])
+def test_a_position_that_jumps_at_an_end_is_one_outlier(row):
+    """A stale first sample lies within the travel, and made a speed of 100 rad/s of one sample."""
+    x = np.sin(np.arange(2000) / 150.0)
+    (found,) = outlier.find(Exam(log_of(position=spiked(x, row, -0.3 if x[row] > 0.0 else 0.3))))
+    assert found.where.tolist() == [row] and found.repairable
+    assert outlier.find(Exam(log_of(position=x))) == []
+
+
 def test_an_outlier_inside_and_one_at_an_end_are_mended_together():
     base = np.linspace(0.0, 1.0, 2000) ** 1.5
     log = log_of(torque=spiked(spiked(spiked(base, 0, -8.0), 700, 5.0), 900, 6.0))

@@ -51,7 +51,13 @@ def jumps(exam: Exam, channel: str, j: int) -> Jumps | None:
     rows = np.flatnonzero(np.abs(change) > far) + 1
     rows = np.setdiff1d(rows, exam.gaps)
     # against its own surroundings: a fast stretch in a slow log is no jump
-    around = np.clip(rows[:, None] + np.array([-7, -6, -5, -4, 2, 3, 4, 5]), 0, change.size - 1)
+    before, after = rows[:, None] + np.array([-7, -6, -5, -4]), rows[:, None] + np.array([2, 3, 4, 5])
+    ends = (
+        before[:, :1] < 0,
+        after[:, -1:] >= change.size,
+    )  # where one side is beyond an end, more of the other counts
+    before, after = np.where(ends[0], after + 4, before), np.where(ends[1], before - 4, after)
+    around = np.clip(np.hstack([before, after]), 0, change.size - 1)
     local = np.median(change[around], axis=1)
     spread = np.median(np.abs(change[around]), axis=1)
     slack = np.ptp(change[around], axis=1) + 2 * resolution

@@ -22,7 +22,10 @@ from backdrive.logs.health._finding import (
     with_columns,
     without_rows,
 )
+from backdrive.logs.health._jumps import jumps
 from backdrive.logs.health._survey import excess
+from backdrive.logs.health.encoder_wrap import CHANNELS as POSITIONS
+from backdrive.logs.health.encoder_wrap import wraps
 from backdrive.logs.quantiles import median
 
 CHANNELS = ("position", "velocity", "torque", "drive_input", "second_encoder", "external_torque", "load")
@@ -156,13 +159,13 @@ def _usual_excess(exam: Exam, channel: str, j: int, enough: float) -> tuple[floa
 
 
 def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
-    """Return the first and last row where they lie outside the range of all others by more than that range.
+    """Return the first and last row where they lie outside the range of all others by more than that range, or a position jumps.
 
     At a start from rest, and at a stop, torque and velocity differ from all others by up to their size, and are sound.
     """
     x, survey = exam.log.channels[channel][:, j], exam.survey(channel)
     found: list[int] = []
-    may_rest = channel not in ("position", "second_encoder")
+    may_rest = channel not in POSITIONS
     for end, row, rest in ((0, 0, x[1:]), (1, x.size - 1, x[:-1])):
         if x[row] not in (survey.low[j], survey.high[j]):
             continue
@@ -172,7 +175,12 @@ def _ends(exam: Exam, channel: str, j: int) -> np.ndarray:
             continue
         if not (may_rest and away <= max(-low, high) and _resting_ends(exam, j)[end]):
             found.append(row)
-    return np.array(found, np.intp)
+    if not may_rest and (far := jumps(exam, channel, j)) is not None:
+        rows = np.setdiff1d(far.rows, wraps(exam, channel, j)[1])
+        found += [
+            row for row, step in ((0, 1), (x.size - 1, x.size - 1)) if step in rows and row not in found
+        ]
+    return np.array(sorted(found), np.intp)
 
 
 def _resting_ends(exam: Exam, j: int) -> tuple[bool, bool]:
