@@ -745,3 +745,11 @@ def test_folders_of_real_runs():
         duty = np.clip(log.drive.gains["duty_per_rad"] * (log.reference - log.position), -1, 1)
         on = log.drive_input != 0
         assert np.median(np.abs(duty - log.drive_input)[on]) < 0.03
+
+
+def test_a_word_in_the_first_row_is_no_header(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = [f"{0.001 * k:.3f},{0.1 * k:.3f},{'OFF' if k % 50 == 0 else 0.5}" for k in range(200)]
+    path.write_text("\n".join(["t,q,tau", *rows]) + "\n")
+    log = read_log(path)
+    assert len(log.time) == 200 and np.isnan(log.torque[0, 0]) and log.torque[1, 0] == 0.5

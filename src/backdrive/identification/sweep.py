@@ -124,8 +124,7 @@ def identify_sweep(
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     about = logs[0].select(joint).on_joint_side().joints[0]
-    cutoff = None if literal else smoothing(logs, joint).cutoff
-    stretches = [prepare(log, joint, cutoff=cutoff) for log in logs]
+    stretches = [prepare(log, joint) for log in logs] if literal else _prepare(logs, joint)
     delays, errors, remarks = drive_delays(logs, joint, stretches, timing, literal, delay)
     each, late = _each(logs, joint, stretches, delays, errors)
     used = each
@@ -176,13 +175,18 @@ def fit_sweeps(
     """
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
-    cutoff = smoothing(logs, joint).cutoff
-    stretches = [prepare(log, joint, cutoff=cutoff) for log in logs]
+    stretches = _prepare(logs, joint)
     delays, errors, remarks = drive_delays(logs, joint, stretches, timing, False)
     each, late = _each(logs, joint, stretches, delays, errors)
     unit = logs[0].joints[logs[0].column(joint)].unit
     found = fit(each, unit=unit, name=joint, symmetric=symmetric, late=late)
     return replace(found, warnings=(*found.warnings, *remarks))
+
+
+def _prepare(logs: Sequence[Log], joint: str) -> list[list[Signals]]:
+    """Return the stretches of each sweep, low-passed as an encoder's errors ask for."""
+    cutoff = smoothing(logs, joint).cutoff
+    return [prepare(log, joint, cutoff=cutoff) for log in logs]
 
 
 def _each(
