@@ -1,6 +1,8 @@
 """Long logs are worked on in pieces, in memory that is kept: the results are those of the whole, and the memory is returned."""
 
 import gc
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -105,12 +107,12 @@ def test_a_derivative_is_that_of_five_samples_and_at_the_ends_that_of_numpy_and_
 
 
 class Library:
-    def __init__(self):
-        self.calls = []
+    def __init__(self, most=1 << 40):
+        self.calls, self.most = [], most
 
     def mallopt(self, option, value):
         self.calls.append((option, value))
-        return 1
+        return int(option != -3 or value <= self.most)
 
     def malloc_trim(self, pad):
         self.calls.append(("trim", pad))
@@ -158,14 +160,42 @@ def test_memory_kept_for_a_long_log_is_returned_even_after_an_error(monkeypatch)
 
 
 def test_an_older_glibc_that_refuses_keeps_its_own_way(monkeypatch):
-    library = Library()
-    monkeypatch.setattr(library, "mallopt", lambda option, value: library.calls.append((option, value)))
+    library = Library(most=1 << 25)
     monkeypatch.setattr(_memory, "_glibc", lambda: library)
     _memory.with_free_memory(lambda logs: None)([OfLength(5_000_000)])
     assert [option for option, _ in library.calls] == [-3, -3, -1, "trim"]
 
 
+def test_memory_of_a_large_result_is_kept_for_the_next_one(monkeypatch):
+    library = Library()
+    monkeypatch.setattr(_memory, "_glibc", lambda: library)
+    monkeypatch.setattr(_memory, "_kept", [1 << 25])
+    for shape in ((1 << 22,), (1 << 23, 1), (1 << 23,), (1 << 22, 2), (1 << 24, 2)):
+        assert _memory.empty(shape).shape == shape
+    assert library.calls == [
+        (-3, 9 << 23),
+        (-1, (1 << 26) + (1 << 25)),
+    ]  # once; neither for 32 MB nor for 256 MB
+
+
+def test_large_results_take_the_same_memory_again():
+    script = (
+        "import resource\n"
+        "from backdrive._memory import _glibc, empty\n"
+        "def faults():\n"
+        "    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt\n"
+        "    empty((8_000_000,))[::256] = 1.0\n"
+        "    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before\n"
+        "faults()\n"
+        "able = _glibc() is not None and _glibc().mallopt(-3, 1 << 27)\n"
+        "print(faults() if able else 0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert int(done.stdout) <= 2  # where it is given back: 30 of 2 MB each, or 15 000
+
+
 def test_without_glibc_nothing_is_asked_of_it(monkeypatch):
     monkeypatch.setattr(_memory, "_glibc", lambda: None)
+    assert _memory.empty((1 << 23,)).shape == (1 << 23,)
     assert _memory.with_free_memory(lambda logs: "done")(OfLength(10**9)) == "done"
     assert _memory.with_free_memory(lambda logs: "done")(None) == "done"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -14,6 +15,7 @@ import numpy as np
 LARGEST = 1 << 23  # size of the largest array whose memory is always kept [byte]
 BY_ITSELF = 1 << 25  # size of the largest array whose memory glibc learns to keep, unasked [byte]
 MOST = 1 << 29  # size of the largest array whose memory is kept for a long log [byte]
+MOST_RESULT = 1 << 27  # size of the largest result whose memory is kept for the next one [byte]
 TIMES = 4  # size of the largest array that is made of a log, by that of one channel [-]
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 
@@ -56,14 +58,34 @@ def _keep_large(channel: int) -> Iterator[None]:
         yield
         return
     size = min(TIMES * channel, MOST)
-    if library.mallopt(MMAP_THRESHOLD, size):  # older ones refuse
-        library.mallopt(TRIM_THRESHOLD, 2 * size)
+    _keep(library, size, 2 * size)
     try:
         yield
     finally:
-        library.mallopt(MMAP_THRESHOLD, BY_ITSELF)  # it no longer learns by itself what to keep
-        library.mallopt(TRIM_THRESHOLD, 2 * BY_ITSELF)
+        _keep(library, BY_ITSELF, 2 * BY_ITSELF)  # it no longer learns by itself what to keep
         library.malloc_trim(0)
+
+
+def empty(shape: tuple[int, ...]) -> np.ndarray:
+    """Return an array as `np.empty` does, whose memory the C library keeps for the next one when it is freed, up to 128 MB.
+
+    It is for results that a caller asks for again and again: the system would empty the memory of each before it is written.
+    Where the C library is another one than glibc, this has no effect.
+    """
+    size = 8 * math.prod(shape)
+    if _kept[0] < size <= MOST_RESULT and (library := _glibc()) is not None:
+        _keep(library, size + size // 8, size + BY_ITSELF)
+    return np.empty(shape)
+
+
+def _keep(library: Any, size: int, unused: int) -> None:
+    """Let glibc keep the memory of freed arrays up to a size, and so much of it without use [byte]."""
+    if library.mallopt(MMAP_THRESHOLD, size):  # older ones refuse
+        library.mallopt(TRIM_THRESHOLD, unused)
+    _kept[0] = size
+
+
+_kept = [BY_ITSELF]  # size up to which glibc keeps memory, as told last [byte]
 
 
 @cache

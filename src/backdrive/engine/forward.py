@@ -10,6 +10,7 @@ import numpy as np
 
 from backdrive._documents import as_list
 from backdrive._jit import jit, leaf
+from backdrive._memory import empty
 from backdrive.engine import axis as axis_
 from backdrive.engine import drives, lockstep
 from backdrive.engine.cores import spread
@@ -245,7 +246,7 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
     J = np.array([a.row() for a in axes])
     D = np.array([a.drive.row() for a in axes])
     S = np.array([a.at(float(start[m]), float(speed[m])) for a, m in zip(axes, inputs, strict=True)])
-    out = np.empty((len(axes), n, 3))
+    out = empty((len(axes), n, 3))
     X, C = np.zeros((len(axes), rows.states)), np.zeros((len(axes), drives.STATES))
 
     run = loop_of(rows.rates, rows.elements, rows.rows)

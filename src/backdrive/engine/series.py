@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from backdrive._memory import empty
 from backdrive.engine import groups, loops
 from backdrive.engine.cores import spread
 from backdrive.errors import InvalidInput, check_type
@@ -104,7 +105,7 @@ class Lanes:
         M, n = dp.shape
         temperature = np.full((M, 1), REFERENCE) if temperature is None else temperature
         X = np.zeros((len(motion), self.states)) if state is None else state
-        out = np.empty((len(motion), n))
+        out = empty((len(motion), n))
 
         motion = np.ascontiguousarray(motion, dtype=np.int64)
         fastest = 0.5 * kernels.FASTEST * dt
