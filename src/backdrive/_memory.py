@@ -11,6 +11,7 @@ from functools import cache, wraps
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 LARGEST = 1 << 23  # size of the largest array whose memory is always kept [byte]
 BY_ITSELF = 1 << 25  # size of the largest array whose memory glibc learns to keep, unasked [byte]
@@ -66,7 +67,7 @@ def _keep_large(channel: int) -> Iterator[None]:
         library.malloc_trim(0)
 
 
-def empty(shape: tuple[int, ...]) -> np.ndarray:
+def empty(shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return an array as `np.empty` does, whose memory the C library keeps for the next one when it is freed, up to 128 MB.
 
     It is for results that a caller asks for again and again: the system would empty the memory of each before it is written.
