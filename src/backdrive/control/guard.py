@@ -76,9 +76,10 @@ def watch(g, since):
     g[OLDER_AGE], g[NEWER_AGE] = older, newer
     fast = False
     if older >= g[SPAN]:
-        reach = g[TOP] * older
-        fast = abs(q - g[OLDER]) > reach + ROUNDING * (reach + abs(q))
-        g[FAST] = fast
+        reach, way = g[TOP] * older, abs(q - g[OLDER])
+        fast = way > reach and way > reach + ROUNDING * (reach + abs(q))
+        if fast or is_set(g[FAST]):
+            g[FAST] = fast
     if newer >= g[HALF_SPAN]:
         g[OLDER], g[OLDER_AGE] = g[NEWER], newer
         g[NEWER], g[NEWER_AGE] = q, 0.0
@@ -146,11 +147,14 @@ def act(g, code, good, wanted, since, interval):
         elif good:
             code = STOPPED
         cap = max(min(cap, abs(out)) - fall * passed, 0.0)
+        g[CAP] = cap
     elif good:
         cap = min(cap + g[RAMP] * passed, limit)
+        g[CAP] = cap  # at once, so that the next cap does not wait for this output
     step = g[RATE] * passed
     f = min(max(min(max(wanted, -cap), cap), out - step), out + step)
     f = min(max(f, -limit), limit)
-    g[CAP] = cap if good or g[BAD] < 2.0 else min(cap, abs(f))
     g[TORQUE] = f
+    if not good and g[BAD] >= 2.0:
+        g[CAP] = min(cap, abs(f))
     return code

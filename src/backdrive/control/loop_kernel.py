@@ -143,7 +143,8 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel'
                 slid = g[SLID] + T if abs(dp) >= g[CREEP] * T else 0.0
                 numbers = g[LEARNS], g[SETTLE], g[FLOOR], g[DEAD], g[LOWER], g[UPPER]
                 g[LEVEL], g[SLID] = learn(level, tau_f / level, tau_e, slid, T, *numbers), slid
-            g[EXTERNAL], g[FRICTION] = tau_e, tau_f
+            if ESTIMATING:
+                g[EXTERNAL], g[FRICTION] = tau_e, tau_f
             g[BEFORE], g[SINCE], g[PENDING] = q, 0.0, 0.0
             if stands and abs(level * push) > NOTABLE * g[LIMIT]:
                 code = NO_MOTION
@@ -170,7 +171,8 @@ def tick(A, o, g, codes, q, dt):
         c, s, ce, se = part(A, j, 0, C), part(A, j, C, S), part(A, j, S, E), part(A, j, E, FIXED)
         p, x = part(A, j, FIXED, o[1]), part(A, j, o[1], o[2])
         pe, xe = part(A, j, o[2], o[3]), part(A, j, o[3], o[4])
-        codes[j] = joint(c, 0, p, x, s, ce, pe, xe, se, part(g, j, 0, TABLE), q[j], dt)
-        if SEVERITY[codes[j]] > SEVERITY[worst]:
-            worst = codes[j]
+        code = joint(c, 0, p, x, s, ce, pe, xe, se, part(g, j, 0, TABLE), q[j], dt)
+        codes[j] = code
+        if code != OK and SEVERITY[code] > SEVERITY[worst]:
+            worst = code
     return worst
