@@ -206,6 +206,13 @@ def test_nine_tenths_of_the_top_speed_are_no_runaway(count):
     assert Status.JUMP not in codes
 
 
+def test_the_top_speed_itself_is_no_runaway_whatever_is_rounded():
+    loop = loop_of(alg_fc(RATE, 2e3, share=0.8))
+    _, codes = run(loop, TOP * T * np.arange(1, 2000 if JIT else 300))
+    assert Status.OVERSPEED not in codes
+    assert Status.LATCHED not in codes
+
+
 @pytest.mark.parametrize("way", [2 * np.pi, -2 * np.pi, 0.05])
 def test_a_wrap_is_a_jump_and_never_latched(way):
     loop = loop_of()
