@@ -10,7 +10,7 @@ from __future__ import annotations
 import codecs
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from itertools import chain, islice
 from typing import Any
@@ -36,22 +36,41 @@ def numbers(path: str, dialect: Dialect) -> list[np.ndarray] | None:
     import msgspec
 
     decode = msgspec.json.Decoder(list[tuple[(float,) * dialect.width]]).decode  # type: ignore[misc]
-    columns = [np.empty(0) for _ in range(dialect.width)]
+    return gather(_tables(path, dialect, decode), dialect.width)
+
+
+def gather(tables: Iterable[Sequence[np.ndarray] | np.ndarray | None], width: int) -> list[np.ndarray] | None:
+    """Return the columns of a table that comes in pieces, each (n,); None as soon as a piece is None.
+
+    Args:
+        tables: the columns of each piece, (k,).
+        width: number of columns.
+    """
+    columns = [np.empty(0) for _ in range(width)]
     n = 0
+    for table in tables:
+        if table is None:
+            return None
+        more = len(table[0])
+        if n + more > columns[0].size:
+            _resize(columns, max(n + more, columns[0].size + columns[0].size // 4))
+        for column, values in zip(columns, table, strict=True):
+            column[n : n + more] = values
+        n += more
+    _resize(columns, n)
+    return columns
+
+
+def _tables(path: str, dialect: Dialect, decode: Any) -> Iterator[np.ndarray | None]:
+    """Yield the columns of each block, (width, k); None for one that holds something else than numbers."""
+    import msgspec
+
     for block in _blocks(path, dialect):
         try:
             rows = _by_json(block, dialect.width, decode)
         except msgspec.MsgspecError:
             rows = _by_numpy(block, dialect.width)
-        if rows is None:
-            return None
-        if n + len(rows) > columns[0].size:
-            _resize(columns, max(n + len(rows), columns[0].size + columns[0].size // 4))
-        for column, values in zip(columns, rows.T, strict=True):
-            column[n : n + len(rows)] = values
-        n += len(rows)
-    _resize(columns, n)
-    return columns
+        yield None if rows is None else rows.T
 
 
 def _blocks(path: str, dialect: Dialect) -> Iterator[bytes]:

@@ -14,7 +14,7 @@ from itertools import islice
 import numpy as np
 
 from backdrive.errors import ReadError, UnknownFormat
-from backdrive.logs.readers import _list_cells
+from backdrive.logs.readers import _arrow, _list_cells
 from backdrive.logs.readers._blocks import numbers
 from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
 from backdrive.logs.readers._labels import constant_names, holds_names, in_order, is_indexed_name, read_names
@@ -42,7 +42,9 @@ def read(path: str, options: ReadOptions) -> Columns:
     notes: list[str] = []
     if dialect.headless:
         notes.append("The table has no header: its columns are called column_1, column_2 and so on.")
-    table = numbers(path, dialect) if dialect.regular or dialect.comma else None
+    table = (
+        _arrow.numbers(path, dialect) or numbers(path, dialect) if dialect.regular or dialect.comma else None
+    )
     words: dict[int, list[str]] = {}
     if table is None:
         rows, words = _careful(path, dialect, notes)
