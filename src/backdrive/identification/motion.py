@@ -134,10 +134,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (slower_way if both else top))
 
-    def shift(late: float, some: Sequence[Signals] = stretches) -> list[Signals]:
-        return [delay_signals(s, late) for s in some]
-
-    def average(motion: list[Signals], spread: np.ndarray | None = None) -> Bins:
+    def average(late: float, fitted: design.Candidate | None = None) -> Bins:
+        if along and not few:
+            settled = [each.with_sliding(s.sliding) for each, s in zip(along, slid, strict=True)]
+            return bins_at_delay(settled, late, knots, fitted)
+        motion, spread = [delay_signals(s, late) for s in slid], fitted.spread if fitted else None
         filled = HALF if few else FILLED
         return bin_means(motion, knots, seconds=seconds, reversals=few, filled=filled, spread=spread)
 
@@ -162,7 +163,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         )
 
     def with_late(slip: Slip, choice: design.Choice, bins: Bins) -> design.Choice:
-        later = average(shift(slip.delay + slip.error, slid), choice.candidate.spread)
+        later = average(slip.delay + slip.error, choice.candidate)
         later = replace(later, used=bins.used).whiten(slip.colour)
         return with_slip(choice, response(bins, later, choice.coefficients), slip)
 
@@ -170,7 +171,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     corner, width = smooth.cutoff or default_cutoff(rate), max(1, round(seconds * rate))
     false_means = smooth.error.between_means(corner, rate, width)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
-    slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, stretches
+    slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, list(stretches)
+    along: list[DelayStretch] = []
     timed = False  # at the reversals
 
     look = windows_of(stretches, ENOUGH) or stretches
@@ -182,17 +184,17 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         ]
 
     def rough(
-        slip: Slip, along: list[DelayStretch], some: Sequence[Signals]
+        slip: Slip, prepared: list[DelayStretch], some: Sequence[Signals]
     ) -> tuple[design.Candidate, float]:
-        raw = bins_at_delay(along, slip.delay, knots)
+        raw = bins_at_delay(prepared, slip.delay, knots)
         candidate = design.simplest(raw.whiten(slip.colour).equations(rounds=FEW), few_options)[0]
         return candidate, build_up(raw, some, slip.delay, candidate.spread, slip.colour, seconds)
 
     def at_rough(
-        slip: Slip, along: list[DelayStretch], whole: bool
+        slip: Slip, prepared: list[DelayStretch], whole: bool
     ) -> tuple[design.Candidate, list[Signals]]:
         for every in (True,) if whole else (False, True):  # windows may show too little motion
-            some = ready(stretches) if every and not whole else along
+            some = ready(stretches) if every and not whole else prepared
             with suppress(NotIdentifiable):
                 candidate, distance = rough(slip, some, stretches if every else look)
                 return candidate, after_build_up(stretches, distance)
@@ -200,25 +202,25 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     if delay is not None:
         slip = fix_slip(along := ready(stretches), knots, full, delay, false_means)
-        slid = stretches if few else at_rough(slip, along, True)[1]
-        del along  # long logs fill the memory
+        slid = list(stretches) if few else at_rough(slip, along, True)[1]
     elif not few:
-        slip, coarse, slid = search_slip(stretches, look, knots, full, ready, at_rough, false_means)
+        slip, coarse, slid, along = search_slip(stretches, look, knots, full, ready, at_rough, false_means)
         if not slip.is_known and slip.error < CLOSE * slip.least:
             with suppress(NotIdentifiable):
-                choice, bins, *_ = choose(slip, average(shift(slip.delay, slid)))
+                choice, bins, *_ = choose(slip, average(slip.delay))
                 found = slip_at_crossings(slip, with_late(slip, choice, bins), stretches, smooth.error)
                 slip, timed = found, found.is_known
     if not slip.is_known:
         # whitening requires a model that is valid at all frequencies, so it is not used if errors are unknown anyway
         slip = replace(slip, delay=slip.delay if slip.is_fitted(coarse) else 0.0, colour=WHITE)
     try:
-        choice, bins, slowest, missed = choose(slip, average(shift(slip.delay, slid)))
+        choice, bins, slowest, missed = choose(slip, average(slip.delay))
     except NotIdentifiable:  # too little is left without the build-up
-        slid = stretches
-        choice, bins, slowest, missed = choose(slip, average(shift(slip.delay, slid)))
+        slid = list(stretches)
+        choice, bins, slowest, missed = choose(slip, average(slip.delay))
     if slip.is_fitted(coarse):
         choice = with_late(slip, choice, bins)
+    along.clear()  # long logs fill the memory
     slow = slip.is_known and slip.colour.memory * seconds > FORGETS
     choice, through = with_crossings(choice, slip.delay, stretches, smooth.error) if slow else (choice, False)
     choice = missed.on(with_bends(design.offset_apart(choice)))

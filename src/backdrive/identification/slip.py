@@ -114,8 +114,9 @@ def search_slip(
     ready: Prepare,
     choose: Callable[[Slip, list[DelayStretch], bool], tuple[design.Candidate, list[Signals]]],
     false: tuple[float, ...] = (),
-) -> tuple[Slip, float | None, list[Signals]]:
-    """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it.
+) -> tuple[Slip, float | None, list[Signals], list[DelayStretch]]:
+    """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it, also
+    as they were prepared.
 
     Args:
         stretches: of one joint.
@@ -153,7 +154,7 @@ def search_slip(
             some, knots, candidate, slip.delay, slip.error, slip.colour, centred, false
         )
         slip = replace(slip, delay=delay, error=error)
-    return slip, coarse, stretches
+    return slip, coarse, stretches, some
 
 
 def fix_slip(
