@@ -34,7 +34,7 @@ class DelayStretch:
     Args:
         s: motion and torque.
         seconds: of the bins [s].
-        jerk: without encoder errors [rad/s^3 or m/s^3], (n,); None: that of the motion after a low pass.
+        jerk: without encoder errors [rad/s^3 or m/s^3], (n,); None: that of the motion after a low pass; (0,): 0.
     """
 
     def __init__(self, s: Signals, seconds: float, jerk: np.ndarray | None = None):
@@ -47,16 +47,10 @@ class DelayStretch:
             self._known = filters.means(s.model_torque, self.width)
         self._moving, self._sliding = s.moving, s.sliding
         self._margin = round(MARGIN * s.rate) + 3
-        self._longer = np.zeros((4, s.time.size + 2 * self._margin))
-        series = self._longer[:, self._margin : self._margin + s.time.size]
         self._velocity = s.velocity
-        series[0] = s.acceleration
-        if jerk is None:
-            filters.low_pass_rows([s.jerk], OF_JERK, s.rate, out=series[1:2])
-        np.negative(series[1] if jerk is None else jerk, out=series[1])
-        if s.pull is not None:
-            series[2], series[3] = s.pull
-        self._hold_ends()
+        smooth = filters.low_pass_rows([s.jerk], OF_JERK, s.rate)[0] if jerk is None else jerk
+        self._longer = self._extended([s.acceleration, *(s.pull or ())], self._margin)
+        self._jerk = self._extended([-smooth] if smooth.size else [], self._margin)
 
     def with_sliding(self, sliding: np.ndarray) -> DelayStretch:
         """Return the same stretch with other samples that slide, (n,)."""
@@ -64,36 +58,42 @@ class DelayStretch:
         made._sliding = sliding
         return made
 
-    def _hold_ends(self) -> None:
-        """Extend the series by their first and last values."""
-        m, every = self._margin, self._longer
-        every[:, :m], every[:, every.shape[1] - m :] = (
-            every[:, m : m + 1],
-            every[:, -m - 1 : every.shape[1] - m],
-        )
+    def _extended(self, rows: Sequence[np.ndarray] | np.ndarray, margin: int) -> np.ndarray:
+        """Return series of all samples as rows, extended by their first and last values on both sides."""
+        longer = np.empty((len(rows), self.samples + 2 * margin))
+        for row, x in zip(longer, rows, strict=True):
+            row[:margin], row[margin:-margin], row[-margin:] = x[0], x, x[-1]
+        return longer
 
     def _reach(self, margin: int) -> None:
         """Extend the series by at least `margin` samples."""
         if margin > self._margin:
-            longer = np.empty((4, self.samples + 2 * margin))
-            longer[:, margin : margin + self.samples] = self._longer[
-                :, self._margin : self._margin + self.samples
-            ]
-            self._longer, self._margin = longer, margin
-            self._hold_ends()
+            inside = slice(self._margin, self._margin + self.samples)
+            self._longer = self._extended(self._longer[:, inside], margin)
+            self._jerk = self._extended(self._jerk[:, inside], margin)
+            self._margin = margin
+
+    def _means(self, series: np.ndarray, whole: int, weights: tuple[float, ...]) -> np.ndarray:
+        """Return the means of extended series over bins, delayed by an integer number of samples and by weights, (k, n)."""
+        size, width = self.count * self.width, self.width
+        part = series[:, self._margin - whole - 2 :]
+        kernel = np.convolve(np.ones(width) / width, weights)
+        moved = part[:, :size].reshape(len(series), self.count, width) @ kernel[:width]
+        for k in range(width, width + 3):
+            moved += kernel[k] * part[:, k : k + size : width]
+        return moved
 
     def head(self, delay: float) -> np.ndarray:
         """Return the means of `design.COLUMNS` along the motion delayed by a time [s], (n, 6)."""
         whole, weights = cubic(delay * self.rate)
         whole = min(max(whole, -self.samples - 2), self.samples + 2)
         self._reach(abs(whole) + 3)
-        size, width = self.count * self.width, self.width
-        part = self._longer[:, self._margin - whole - 2 :]
-        kernel = np.convolve(np.ones(width) / width, weights)
-        moved = part[:, :size].reshape(4, self.count, width) @ kernel[:width]
-        for k in range(width, width + 3):
-            moved += kernel[k] * part[:, k : k + size : width]
-        return np.stack([moved[0], moved[1], np.ones(self.count), moved[2], moved[3], self._known], axis=1)
+        columns = np.zeros((len(design.COLUMNS), self.count))
+        moved = self._means(self._longer, whole, weights)
+        columns[0], columns[2], columns[5] = moved[0], 1.0, self._known
+        columns[3 : 2 + len(moved)] = moved[1:]
+        columns[1 : 1 + len(self._jerk)] = self._means(self._jerk, whole, weights)
+        return columns.T
 
     def curve(self, delay: float, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the means of a curve's functions, (n, 2 k), of sliding [-] and of the speed [rad/s or m/s], (n,) each."""

@@ -66,6 +66,7 @@ SPAN_FOR_GRAVITY = (
 FORGETS = (
     0.05  # time in which the noise forgets, from which on reversals may tell more than what goes before [s]
 )
+NONE = np.empty(0)  # no jerk
 NAMED = 0.05  # least constant beside the friction that is mentioned, relative to it [-]
 
 
@@ -135,9 +136,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slow = float(SLOW * (slower_way if both else top))
 
     def average(late: float, fitted: design.Candidate | None = None) -> Bins:
-        if along and not few:
+        if along:
             settled = [each.with_sliding(s.sliding) for each, s in zip(along, slid, strict=True)]
             return bins_at_delay(settled, late, knots, fitted)
+        if not few:
+            return bins_at_delay([DelayStretch(s, seconds, NONE) for s in slid], late, knots, fitted)
         motion, spread = [delay_signals(s, late) for s in slid], fitted.spread if fitted else None
         filled = HALF if few else FILLED
         return bin_means(motion, knots, seconds=seconds, reversals=few, filled=filled, spread=spread)
@@ -201,10 +204,12 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         return full, list(stretches)  # the choice at the final delay decides
 
     if delay is not None:
-        slip = fix_slip(along := ready(stretches), knots, full, delay, false_means)
-        slid = list(stretches) if few else at_rough(slip, along, True)[1]
+        slip = fix_slip(prepared := ready(stretches), knots, full, delay, false_means)
+        slid = list(stretches) if few else at_rough(slip, prepared, True)[1]
+        del prepared  # long logs fill the memory
     elif not few:
         slip, coarse, slid, along = search_slip(stretches, look, knots, full, ready, at_rough, false_means)
+        along = along if look is stretches else []  # long logs fill the memory
         if not slip.is_known and slip.error < CLOSE * slip.least:
             with suppress(NotIdentifiable):
                 choice, bins, *_ = choose(slip, average(slip.delay))
@@ -220,7 +225,6 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         choice, bins, slowest, missed = choose(slip, average(slip.delay))
     if slip.is_fitted(coarse):
         choice = with_late(slip, choice, bins)
-    along.clear()  # long logs fill the memory
     slow = slip.is_known and slip.colour.memory * seconds > FORGETS
     choice, through = with_crossings(choice, slip.delay, stretches, smooth.error) if slow else (choice, False)
     choice = missed.on(with_bends(design.offset_apart(choice)))
