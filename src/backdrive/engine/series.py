@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 #: Ticks of friction without a state, all lanes together, below which starting threads costs more than they give.
-QUICK = 100_000
+QUICK = 300_000
 
 Kinds = tuple[int, int, bool, int]
 
