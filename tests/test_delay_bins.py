@@ -54,6 +54,10 @@ def test_bins_along_any_delay(delay, changes):
     assert got.y == pytest.approx(wanted.y, rel=1e-12)
     assert got.speed == pytest.approx(wanted.speed, rel=1e-12)
     assert got.blocks == wanted.blocks
+    still = bins_at_delay([DelayStretch(s, 0.02, np.empty(0))], delay, knots)
+    rest = [k for k, name in enumerate(design.COLUMNS) if name != "jerk"] + list(range(6, got.X.shape[1]))
+    assert np.array_equal(still.X[:, rest], got.X[:, rest])
+    assert not still.X[:, design.COLUMNS.index("jerk")].any()
 
 
 def test_sine_and_cosine_of_a_position_go_with_its_signals():

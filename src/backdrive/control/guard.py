@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive._jit import jit
+from backdrive._jit import jit, to_bits
 from backdrive.control.readings import OVERSPEED
 from backdrive.control.table import (
     BAD,
@@ -135,7 +135,7 @@ def act(g, code, good, wanted, since, interval):
         g[TORQUE] = wanted
         return code
     out, limit, cap = g[TORQUE], g[LIMIT], g[CAP]
-    if trips or is_set(g[CAUSE]) or is_set(g[STOP]):
+    if trips or to_bits(g[CAUSE]) | to_bits(g[STOP]) != 0:
         latched = g[CAUSE] > 0.0
         if trips and not latched:
             g[CAUSE] = code
@@ -152,8 +152,8 @@ def act(g, code, good, wanted, since, interval):
         cap = min(cap + g[RAMP] * passed, limit)
         g[CAP] = cap  # at once, so that the next cap does not wait for this output
     step = g[RATE] * passed
+    # neither the cap nor the last output exceeds the limit, so nothing between them does
     f = min(max(min(max(wanted, -cap), cap), out - step), out + step)
-    f = min(max(f, -limit), limit)
     g[TORQUE] = f
     if not good and g[BAD] >= 2.0:
         g[CAP] = min(cap, abs(f))

@@ -117,7 +117,8 @@ def judge(c, s, ce, se, g, q, dt):
                 code = LATE if dt > BEHIND * nominal else OK
             elif dt < np.inf:  # it is rejected, but the joint may have moved during that time
                 missed = min(dt, LONGEST)
-    g[PASSED] = passed
+    if g[PASSED] != passed:
+        g[PASSED] = passed
     g[TIME] += passed
     g[SINCE] += missed
     if not is_set(g[BEGUN]) and np.isfinite(q):
@@ -125,7 +126,7 @@ def judge(c, s, ce, se, g, q, dt):
         g[BEGUN], g[SINCE], g[ZERO] = True, passed, 0.0
     if code == BAD_INTERVAL:
         return code
-    others = (g[APPLIED] + g[KNOWN]) + (g[ERROR] + g[SLOPE]) + (g[MOTOR] + g[LOAD])
+    others = (g[APPLIED] - g[KNOWN]) + (g[ERROR] + g[SLOPE]) + (g[MOTOR] + g[LOAD])
     if not np.isfinite(others + g[TEMPERATURE]):
         return NOT_FINITE
     if not LIMITED:

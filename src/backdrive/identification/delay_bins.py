@@ -49,8 +49,8 @@ class DelayStretch:
         self._margin = round(MARGIN * s.rate) + 3
         self._velocity = s.velocity
         smooth = filters.low_pass_rows([s.jerk], OF_JERK, s.rate)[0] if jerk is None else jerk
-        self._longer = self._extended([s.acceleration, *(s.pull or ())], self._margin)
-        self._jerk = self._extended([-smooth] if smooth.size else [], self._margin)
+        self._longer = self._with_ends([s.acceleration, *(s.pull or ())], self._margin)
+        self._jerk = self._with_ends([-smooth] if smooth.size else [], self._margin)
 
     def with_sliding(self, sliding: np.ndarray) -> DelayStretch:
         """Return the same stretch with other samples that slide, (n,)."""
@@ -58,7 +58,7 @@ class DelayStretch:
         made._sliding = sliding
         return made
 
-    def _extended(self, rows: Sequence[np.ndarray] | np.ndarray, margin: int) -> np.ndarray:
+    def _with_ends(self, rows: Sequence[np.ndarray] | np.ndarray, margin: int) -> np.ndarray:
         """Return series of all samples as rows, extended by their first and last values on both sides."""
         longer = np.empty((len(rows), self.samples + 2 * margin))
         for row, x in zip(longer, rows, strict=True):
@@ -69,8 +69,8 @@ class DelayStretch:
         """Extend the series by at least `margin` samples."""
         if margin > self._margin:
             inside = slice(self._margin, self._margin + self.samples)
-            self._longer = self._extended(self._longer[:, inside], margin)
-            self._jerk = self._extended(self._jerk[:, inside], margin)
+            self._longer = self._with_ends(self._longer[:, inside], margin)
+            self._jerk = self._with_ends(self._jerk[:, inside], margin)
             self._margin = margin
 
     def _means(self, series: np.ndarray, whole: int, weights: tuple[float, ...]) -> np.ndarray:
