@@ -367,3 +367,27 @@ def test_strange_evidence_is_still_shown(one, case):
     text = render(odd, command="x")
     Page(text)
     assert not re.search(r"\b(nan|inf|None)\b", re.sub(r"<pre.*?</pre>", "", text, flags=re.S))
+
+
+def test_paths_are_short_and_say_the_same():
+    from backdrive.report.pictures.svg import _path
+
+    assert _path("M 10.04 -0.04 \nL 20.96 5 \nz") == "M10 0L21 5z"
+    assert _path("M 3.14159 2 L 3.14159 2 M 1 2 L 3 4") == "M3.1 2h0M1 2L3 4"
+    assert _path("M 0 0 C 1.25 2.5 3 4 5 6 Q 100.0 -0 -10.05 7") == "M0 0C1.2 2.5 3 4 5 6Q100 0 -10.1 7"
+
+
+@pytest.mark.parametrize("frozen", [False, True])
+def test_the_collector_is_left_as_it_was(frozen):
+    import gc
+
+    from backdrive.report.pictures.canvas import house_style
+
+    if frozen:
+        gc.freeze()
+    try:
+        with house_style(), house_style():
+            assert gc.get_freeze_count() > 0
+        assert (gc.get_freeze_count() > 0) == frozen
+    finally:
+        gc.unfreeze()

@@ -6,6 +6,7 @@ them, and the same data give the same bytes.
 
 from __future__ import annotations
 
+import gc
 import io
 import warnings
 from collections.abc import Iterator
@@ -71,6 +72,7 @@ _STYLE: dict[str, Any] = {
     "svg.image_inline": True,
     "path.simplify": False,
     "font.family": ["sans-serif"],
+    "font.sans-serif": ["DejaVu Sans"],  # matplotlib's own; any other would be looked for, for each text
     "font.size": FONT_SIZE,
     "axes.linewidth": 0.8,
     "axes.labelsize": FONT_SIZE,
@@ -106,11 +108,24 @@ def house_style() -> Iterator[None]:
     require_matplotlib()
     import matplotlib
 
-    with matplotlib.rc_context(), warnings.catch_warnings():
+    with matplotlib.rc_context(), warnings.catch_warnings(), _old_objects_apart():
         warnings.simplefilter("ignore")  # a glyph that the font lacks is drawn as a box
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(_STYLE)  # pyright: ignore[reportArgumentType, reportCallIssue]
         yield
+
+
+@contextmanager
+def _old_objects_apart() -> Iterator[None]:
+    """Leave all objects that exist out of the searches for cycles of references, which the many parts of pictures cause."""
+    if gc.get_freeze_count():  # somebody else does
+        yield
+        return
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 def axes_of(figure: Any, theme: Theme, rectangle: tuple[float, float, float, float] | None = None) -> Any:

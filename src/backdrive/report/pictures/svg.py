@@ -15,6 +15,16 @@ _KEPT = {"path", "g", "text", "tspan", "use", "defs", "clipPath", "rect"}
 _FONT = re.compile(r"font(-family|-stretch|-variant|-style)?$")
 _DOT = re.compile(r"M(\S+ \S+)L\1(?=M|$)")
 _D = re.compile(r' d="([^"]*)"')
+_WAY = re.compile("[MLCQz]")
+#: Letter of a path as matplotlib writes it -> itself, with places for the points that follow it.
+_POINTS = {
+    "M": "M%.1f %.1f",
+    "L": "L%.1f %.1f",
+    "Q": "Q" + " ".join(4 * ["%.1f"]),
+    "C": "C" + " ".join(6 * ["%.1f"]),
+    "z": "z",
+}
+_WHOLE, _ZERO = re.compile(r"\.0(?!\d)"), re.compile(r"-0(?![\d.])")
 _NUMBER = re.compile(r"-?\d+\.\d+")
 _DEFAULTS = {
     ("stroke-linejoin", "miter"),
@@ -103,9 +113,10 @@ def _style(style: str) -> str:
 
 def _path(d: str) -> str:
     """Shorten a path: a tenth of a point is finer than any screen, and `h0` is a stroke without length."""
-    short = _NUMBER.sub(_short, " ".join(d.split()))
-    short = re.sub(r"\s*([MLCQZ])\s*", r"\1", short)
-    return _DOT.sub(r"M\1h0", short)
+    numbers = tuple(map(float, _WAY.sub(" ", d).split()))
+    short = "".join(map(_POINTS.__getitem__, _WAY.findall(d))) % numbers  # all at once: there are many
+    short = _ZERO.sub("0", _WHOLE.sub("", short))
+    return _DOT.sub(r"M\1h0", short) if "L" in short else short
 
 
 def _short(match: re.Match[str]) -> str:
