@@ -1,8 +1,8 @@
 """What reading costs: CSV of 200 MB beside pandas' C parser, whole processes, our parsing child included.
 
 Every figure is processor time of a process and its children, imports included, interleaved, median of several runs; the ratio to
-pandas' parse alone stands beside it. Numbers are compared with Python's `float` on sampled lines. pandas is of the extra `bench`; Arrow, of
-`table`, is hidden from the runs without extras.
+pandas' parse alone stands beside it. Numbers are compared with Python's `float` on sampled lines. pandas is of the extra `bench`;
+Arrow, of `table`, is hidden from the runs without extras.
 """
 
 from __future__ import annotations
