@@ -256,5 +256,4 @@ def forward(  # noqa: PLR0913  (its options are given by keyword)
         run(first, last, J, D, *laws, X, S, C, inputs, r, supplies, switches, warmth, dt, substeps, out)
 
     spread(work, len(axes), workers)
-    position, velocity, torque = np.moveaxis(out, 2, 0)
-    return Motions(position=position, velocity=velocity, torque=torque)
+    return Motions(position=out[..., 0], velocity=out[..., 1], torque=out[..., 2])
