@@ -81,6 +81,16 @@ def test_more_rows_than_a_block(tmp_path, monkeypatch):
     same(tmp_path / "a.csv", written(tmp_path / "a.csv", rows))
 
 
+def test_blocks_of_empty_lines_hold_no_rows(tmp_path, monkeypatch):
+    monkeypatch.setattr(_arrow, "_BLOCK", 256)
+    path = tmp_path / "a.csv"
+    dialect = written(path, [["1", "2"], ["3", "4"]])
+    path.write_text("1;2\n" + 2000 * "\n" + "3;4\n" + 2000 * "\n")
+    found = _arrow.numbers(str(path), dialect)
+    assert found is None or [column.tolist() for column in found] == [[1.0, 3.0], [2.0, 4.0]]
+    assert [column.tolist() for column in _blocks.numbers(str(path), dialect)] == [[1.0, 3.0], [2.0, 4.0]]
+
+
 def test_small_files_and_other_encodings_are_left_to_others(tmp_path, monkeypatch):
     from dataclasses import replace
 
@@ -89,6 +99,7 @@ def test_small_files_and_other_encodings_are_left_to_others(tmp_path, monkeypatc
     assert _arrow.numbers(str(path), replace(dialect, encoding="utf-16")) is None
     assert _arrow.numbers(str(path), replace(dialect, delimiter=" ")) is None
     assert _arrow.numbers(str(path), replace(dialect, delimiter=",", comma=True)) is None
+    assert _arrow.numbers(str(path), replace(dialect, delimiter=" ", comma=True)) is None
     monkeypatch.setattr(_arrow, "WORTH", 1 << 26)
     assert _arrow.numbers(str(path), dialect) is None
 

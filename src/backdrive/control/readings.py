@@ -126,7 +126,7 @@ def judge(c, s, ce, se, g, q, dt):
         g[BEGUN], g[SINCE], g[ZERO] = True, passed, 0.0
     if code == BAD_INTERVAL:
         return code
-    others = (g[APPLIED] - g[KNOWN]) + (g[ERROR] + g[SLOPE]) + (g[MOTOR] + g[LOAD])
+    others = (g[APPLIED] + g[KNOWN]) + (g[ERROR] + g[SLOPE]) + (g[MOTOR] + g[LOAD])
     if not np.isfinite(others + g[TEMPERATURE]):
         return NOT_FINITE
     if not LIMITED:

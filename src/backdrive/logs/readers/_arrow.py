@@ -25,8 +25,8 @@ def numbers(path: str, dialect: Dialect) -> list[np.ndarray] | None:
         path: the file.
         dialect: how it is written.
     """
-    other = dialect.delimiter == ("," if dialect.comma else " ") or dialect.encoding.startswith("utf-16")
-    if other or os.path.getsize(path) < WORTH:
+    unfit = {" ", ","} if dialect.comma else {" "}
+    if dialect.delimiter in unfit or dialect.encoding.startswith("utf-16") or os.path.getsize(path) < WORTH:
         return None
     try:
         import pyarrow as pa
@@ -56,6 +56,8 @@ def numbers(path: str, dialect: Dialect) -> list[np.ndarray] | None:
 def _tables(batches: Any) -> Iterator[list[np.ndarray] | None]:
     """Yield the columns of each batch, without copies; None for one with empty cells."""
     for batch in batches:
+        if not batch.num_rows:  # a block of empty lines
+            continue
         if any(column.null_count for column in batch.columns):
             yield None
             return
