@@ -142,8 +142,8 @@ def main() -> None:
             f"(ratio to that {(own - empty) / alone:.2f}, not judged)"
         )
         judge.that(f"{kind}: three rows are those of the file, bit for bit", exact)
-        if fast:
-            judge.at_most(f"{kind}: of pandas, with the extra `table`", own / whole, WITH_EXTRA)
+        judge.that(f"{kind}: Arrow is here (extra `table`)", fast)
+        judge.at_most(f"{kind}: of pandas, with the extra `table`", own / whole, WITH_EXTRA)
         judge.at_most(f"{kind}: of pandas, without extras", slow / whole, WITHOUT)
         if not short:
             judge.at_most(f"{kind}: parent and child together", peak, MEMORY, "MB")
