@@ -12,7 +12,7 @@ from backdrive.identification.dynamic import colour, torque_task
 from backdrive.identification.dynamic.attenuation import restore_inertia
 from backdrive.identification.dynamic.colour import bins_of, whiten_noise
 from backdrive.identification.dynamic.law_fit import fit_law
-from backdrive.identification.dynamic.torque import stretch
+from backdrive.identification.dynamic.stretch import stretch
 from backdrive.identification.signals import prepare
 from backdrive.identification.whitening import Colour, neighbours
 from backdrive.logs.log import Joint, Log
@@ -151,3 +151,29 @@ def test_the_correlation_of_neighbours():
     assert neighbours(series, np.ones(series.size - 1, dtype=int)) == pytest.approx(0.7, abs=0.01)
     assert neighbours(series, np.full(series.size - 1, 2)) == 0.0
     assert neighbours(np.zeros(9), np.ones(8, dtype=int)) == 0.0
+
+
+def test_a_coarse_encoder_does_not_make_a_torque_seem_early(monkeypatch):
+    """Where viscous friction outweighs inertia, only the jerk tells a delay apart, and most of the jerk is rounding."""
+    joint = independent.Joint(coulomb=1.7, viscous=0.56, inertia=0.058)
+    monkeypatch.setattr(sys.modules[__name__], "TRUTH", joint)
+    before, after = [], []
+
+    def keep(fit):
+        before.append(fit)
+        after.append(restore_inertia(fit))
+        return after[-1]
+
+    monkeypatch.setattr(torque_task, "restore_inertia", keep)
+    for seed in range(8):
+        identify(log_of(seed, colour=0.0, noise=0.03, counts=4096.0), **LAW)
+    errors = {
+        name: np.array(
+            [[(f.values[name] - truth) / f.standard_errors[name] for f in each] for each in (before, after)]
+        )
+        for name, truth in (("delay", 0.0), ("inertia", joint.inertia))
+    }
+    for z in errors.values():
+        first, last = np.sqrt(np.mean(z**2, axis=1))
+        assert first > 4.0 and last < 2.6, z
+        assert last < 0.4 * first

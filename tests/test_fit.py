@@ -203,7 +203,7 @@ def test_a_law_of_the_load_needs_the_load(lugre_log):
 
 def test_a_search_that_does_not_come_to_rest_says_so(lugre_log):
     from backdrive.identification.dynamic import fit_law
-    from backdrive.identification.dynamic.torque import stretch
+    from backdrive.identification.dynamic.stretch import stretch
     from backdrive.identification.signals import prepare
 
     stretches = [stretch(s) for s in prepare(lugre_log, 0)]

@@ -13,7 +13,8 @@ from backdrive.identification.dynamic.fit import conclude
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.search import Search, screen
 from backdrive.identification.dynamic.starts import scales, starts
-from backdrive.identification.dynamic.torque import Stretch, TorqueProblem, stretch
+from backdrive.identification.dynamic.stretch import Stretch, stretch
+from backdrive.identification.dynamic.torque import TorqueProblem
 from backdrive.identification.dynamic.uncertainty import bootstrap, profile
 from backdrive.identification.dynamic.unknowns import LawShape, shares
 from backdrive.identification.signals import prepare

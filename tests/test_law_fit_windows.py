@@ -6,7 +6,7 @@ import pytest
 from backdrive import Log, identify
 from backdrive.identification import motion
 from backdrive.identification.dynamic import law_fit
-from backdrive.identification.dynamic.torque import Stretch
+from backdrive.identification.dynamic.stretch import Stretch
 from backdrive.identification.windows import windows_of
 
 

@@ -13,7 +13,7 @@ from backdrive.identification.dynamic import misfit
 from backdrive.identification.dynamic.choice import Candidate, Choice, ties
 from backdrive.identification.dynamic.law_fit import fit_law
 from backdrive.identification.dynamic.result import band
-from backdrive.identification.dynamic.torque import stretch
+from backdrive.identification.dynamic.stretch import stretch
 from backdrive.identification.signals import prepare
 
 RATE, SECONDS = 250.0, 24.0

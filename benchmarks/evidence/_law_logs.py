@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from backdrive.engine import rollout
-from backdrive.identification.dynamic.torque import Stretch, stretch
+from backdrive.identification.dynamic.stretch import Stretch, stretch
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, Makkar
 from backdrive.laws.examples import example

@@ -14,7 +14,7 @@ import numpy as np
 from _common import Judge, parser
 
 from backdrive.identification.dynamic.law_fit import fit_law
-from backdrive.identification.dynamic.torque import stretch
+from backdrive.identification.dynamic.stretch import stretch
 from backdrive.identification.signals import prepare
 from backdrive.laws import GMS, Law, LuGre, StribeckGauss
 from backdrive.logs.log import Log

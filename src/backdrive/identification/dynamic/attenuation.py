@@ -1,11 +1,16 @@
-"""What the encoder's rounding takes from the inertia of a fit of torque: false acceleration makes it too small, and moves the rest.
+"""What the encoder's rounding does to a fit of torque: it takes from the inertia, and hides what is told of the delay.
 
-    x += (J'WJ - n e e')^-1 e n I/s,     n = s^2 sum(w a^2)
+    x += (J'WJ - S)^-1 g,     S = mean of E'WE,     g = mean of E'W r
 
-J, W: derivatives of the residuals and their weights; e, s: place of the inertia I among the search coordinates x, and its slope; a:
-false acceleration, of the motion rounded once more at a random phase and low-passed (W. Fuller, Measurement Error Models, 1987,
-Sec. 1.2), averaged and whitened like the residuals. The fit is kept as it is where the correction is small, or large against what
-the linear step may claim.
+J, W: derivatives of the residuals by the search coordinates x, and their weights; E, r: what rounding adds to the derivatives and
+to the residuals, by draws (W. Fuller, Measurement Error Models, 1987, Sec. 1.2). The motion is rounded once more at a random phase
+and low-passed; E has its acceleration for the inertia, and minus the rate of change of r for the delay; averaged and whitened like
+the residuals. Where viscous friction outweighs inertia, a delay is told apart from an inertia by the jerk alone, of which rounding
+is a much larger share than of the acceleration: then a little less inertia looks like a torque that is much too early.
+
+The errors grow likewise, to A C A' with A = (J'WJ - S)^-1 J'WJ and the covariance C. Where rounding is nearly all that a direction
+has, it is taken as `MOST` of it, so that the errors stay finite. The numbers stay where a change would be more than the linear step
+may claim.
 """
 
 from __future__ import annotations
@@ -15,59 +20,81 @@ from dataclasses import replace
 
 import numpy as np
 
-from backdrive.identification.dynamic.covariance import inverse
 from backdrive.identification.dynamic.fit import NEAR, Fit, conclude
-from backdrive.identification.dynamic.search import Search
-from backdrive.identification.dynamic.torque import DRAWS, Stretch, TorqueProblem
-from backdrive.logs.filters import derivative, low_pass
+from backdrive.identification.dynamic.search import Search, SearchResult
+from backdrive.identification.dynamic.stretch import Stretch, with_error
+from backdrive.identification.dynamic.torque import DRAWS, TorqueProblem
 
-FELT = 0.2  # least change of the inertia that is worth it [standard error]
-MOST = 0.3  # largest part of what determines the inertia that is taken as noise [-]
-FARTHEST = 2.0  # largest change of any other number [standard error]
+FELT = 0.01  # share of what determines a direction below which rounding is not felt [-]
+MOST = 0.9  # largest part of what determines a direction that is taken as noise [-]
+LARGE = 0.3  # the same for the inertia alone [-]
+FARTHEST = 2.0  # largest change of a number besides inertia and delay [standard error]
 WORSE = 1.02  # largest cost, relative to that of the fit [-]
+FLAT = 1e-14  # least curvature of a direction, relative to the largest [-]
 
 
 def restore_inertia(fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None = None) -> Fit | None:
-    """Return a fit of torque with what false acceleration took from the inertia given back; the same where it must not be.
+    """Return a fit of torque with what rounding took from inertia and delay given back, and with the errors that it leaves.
 
     Args:
         fit: to all samples that count, or to their whitened means.
         whiten: what its search did to the residuals, (..., m); None: nothing.
 
     Returns:
-        The fit; None if false acceleration determines the inertia to more than `MOST`.
+        The fit, the same where rounding is not felt; None if rounding determines the inertia to more than `LARGE`.
     """
     problem, found = fit.problem, fit.found
     left = found.interrupted or fit.at_bound or "inertia" not in problem.names
-    if left or not isinstance(problem, TorqueProblem):
+    if left or not isinstance(problem, TorqueProblem) or not problem.count > 0.0:
         return fit
-    false = false_acceleration(problem)
-    false = false if whiten is None or not false.size else whiten(false)
     errors = np.array([fit.standard_errors[name] for name in problem.names])
     free = (found.point > problem.lower + NEAR) & (found.point < problem.upper - NEAR)
     free &= np.isfinite(found.jacobian).all(axis=0) & np.isfinite(errors) & (errors > 0.0)
     at = problem.names.index("inertia")
-    if not false.size or not free[at]:
+    if not free[at]:
         return fit
-    length = np.linalg.norm(found.jacobian[:, free], axis=0)
-    J = found.jacobian[:, free] / length
-    bread = inverse(J.T @ (found.weight[:, None] * J)) / np.outer(length, length)
+    J, block = found.jacobian[:, free], np.ix_(free, free)
+    H = J.T @ (found.weight[:, None] * J)
+    size = np.sqrt(np.diag(H))
+    value, vector = np.linalg.eigh(H / np.outer(size, size))
+    ways = (
+        vector / np.sqrt(np.maximum(value, FLAT * value[-1])) / size[:, None]
+    )  # the cost rises alike along each
+    S, g = _of_rounding(fit, whiten, lambda S: float(np.linalg.eigvalsh(ways.T @ S[block] @ ways)[-1]))
+    share, turn = np.linalg.eigh(ways.T @ S[block] @ ways)
     k = int(np.count_nonzero(free[:at]))
-    value = fit.values["inertia"]
-    slope = problem.unknowns[at].slope(value)
-    part = slope**2 * float(np.mean((found.weight * false**2).sum(axis=1))) * bread[k, k]
-    if part > MOST:
+    if share[-1] <= FELT:
+        return fit
+    if S[at, at] * float(ways[k] @ ways[k]) > LARGE:
         return None
-    move = np.zeros_like(found.point)
-    move[free] = bread[:, k] / bread[k, k] * part / (1.0 - part) * value / slope
-    slopes = np.array([u.slope(fit.values[u.name]) for u in problem.unknowns])
-    moved = np.abs(move * slopes)[free] / errors[free]
-    others = np.delete(moved, k)
-    if moved[k] < FELT or (others.size and others.max() > FARTHEST):
-        return fit
-    point = found.point + move
-    if np.any(point[free] <= problem.lower[free] + NEAR) or np.any(point[free] >= problem.upper[free] - NEAR):
-        return fit
+    ways = ways @ turn
+    restored = ways / (1.0 - np.minimum(share, MOST))  # times ways.T: (J'WJ - S)^-1
+    move, grown = np.zeros_like(found.point), np.eye(len(found.point))
+    move[free], grown[block] = restored @ (ways.T @ g[free]), restored @ ways.T @ H
+    return conclude(problem, _shift(fit, whiten, move, errors), fit.loss, whiten, grown)
+
+
+def _shift(
+    fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None, move: np.ndarray, errors: np.ndarray
+) -> SearchResult:
+    """Return the end of a search at another point; the same where that is too far, at a bound, or fits worse.
+
+    Args:
+        fit: whose search ended.
+        whiten: what the search did to the residuals; None: nothing.
+        move: of its point, (P,).
+        errors: standard errors of the fit, (P,).
+    """
+    problem, found = fit.problem, fit.found
+    point, moves = found.point + move, move != 0.0
+    low, high = problem.lower + NEAR, problem.upper - NEAR
+    far = [
+        abs(m * u.slope(fit.values[u.name])) > FARTHEST * e
+        for m, u, e in zip(move, problem.unknowns, errors, strict=True)
+        if m and u.name not in ("inertia", "delay")
+    ]
+    if any(far) or np.any(moves & ((point <= low) | (point >= high))):
+        return found
     search = Search(
         problem.residuals if whiten is None else lambda p: whiten(problem.residuals(p)),
         problem.lower,
@@ -76,21 +103,76 @@ def restore_inertia(fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None 
     )
     residual = search.evaluate(point[None])[0]
     if not search.cost(residual, search.scale(found.residual)) <= WORSE * found.cost:
-        return fit
+        return found
     after = replace(search.at(point, residual), instants=found.instants, independent=found.independent)
-    more = found.evaluations + search.evaluations
-    return conclude(problem, replace(after, converged=found.converged, evaluations=more), fit.loss, whiten)
+    return replace(after, converged=found.converged, evaluations=found.evaluations + search.evaluations)
+
+
+def _of_rounding(
+    fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None, share: Callable[[np.ndarray], float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what rounding adds to the normal equations, S, (P, P), and to their right-hand side, g, (P,).
+
+    Args:
+        fit: of a `TorqueProblem`.
+        whiten: what its search did to the residuals; None: nothing.
+        share: largest share of S in what determines the fit: a first draw tells whether rounding is felt at all.
+    """
+    problem, weight = fit.problem, fit.found.weight
+    assert isinstance(problem, TorqueProblem)
+    at = [problem.values(fit.found.point)]
+    before, rng = problem.predict(at), np.random.default_rng(0)
+    S, g = np.zeros((len(problem.names),) * 2), np.zeros(len(problem.names))
+    for k in range(DRAWS):
+        rounded = [
+            with_error(s, _rounding(s, problem.count, (k + rng.uniform()) / DRAWS)) for s in problem.stretches
+        ]
+        changes = [x[0] - y[0] for x, y in zip(problem.predict(at, rounded), before, strict=True)]
+        series = {"": changes}
+        series["inertia"] = [
+            r.acceleration - s.acceleration for r, s in zip(rounded, problem.stretches, strict=True)
+        ]
+        if "delay" in problem.names:
+            series["delay"] = [-np.gradient(x, s.dt) for x, s in zip(changes, problem.stretches, strict=True)]
+        rows = np.array(
+            [
+                np.concatenate([x[s.judged] for x, s in zip(each, problem.stretches, strict=True)])
+                for each in series.values()
+            ]
+        )
+        rows = rows if whiten is None else whiten(rows)
+        E = np.zeros((len(problem.names), rows.shape[1]))
+        for name, row in zip(list(series)[1:], rows[1:], strict=True):
+            i = problem.names.index(name)
+            E[i] = row * problem.unknowns[i].slope(fit.values[name])
+        S += (E * weight) @ E.T / DRAWS
+        g += (E * weight) @ rows[0] / DRAWS
+        if k == 0 and share(DRAWS * S) < 0.1 * FELT:
+            break
+    return S, g
 
 
 def false_acceleration(problem: TorqueProblem, seed: int = 0) -> np.ndarray:
     """Return the acceleration that the encoder's rounding looks like [rad/s^2 or m/s^2], (DRAWS, m); empty without steps."""
     rng, draws = np.random.default_rng(seed), DRAWS if problem.count > 0.0 else 0
-    rows = [[_false(s, problem.count, rng)[s.judged] for s in problem.stretches] for _ in range(draws)]
+    rows = [
+        [
+            (
+                with_error(s, _rounding(s, problem.count, (k + rng.uniform()) / DRAWS)).acceleration
+                - s.acceleration
+            )[s.judged]
+            for s in problem.stretches
+        ]
+        for k in range(draws)
+    ]
     return np.array([np.concatenate(row) for row in rows])
 
 
-def _false(s: Stretch, step: float, rng: np.random.Generator) -> np.ndarray:
-    """Return the acceleration that rounding to steps looks like, where these begin at a random phase, (n,)."""
-    path = (np.cumsum(s.dp) if s.position is None else s.position) / step + rng.uniform()
-    error = low_pass(step * (np.round(path) - path), min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
-    return derivative(derivative(error, s.dt), s.dt)
+def _rounding(s: Stretch, step: float, phase: float) -> np.ndarray:
+    """Return the error of a position that is rounded to steps which begin at a phase [step], (n,).
+
+    The motion comes from rounded positions, whose phase rounding hardly changes it, and the opposite one changes most: so
+    phases are drawn from all of a step alike.
+    """
+    path = (np.cumsum(s.dp) if s.position is None else s.position) / step + phase
+    return step * (np.round(path) - path)

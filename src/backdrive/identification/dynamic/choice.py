@@ -12,7 +12,7 @@ from scipy.special import stdtrit
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.fit import Fit
-from backdrive.identification.dynamic.torque import Stretch
+from backdrive.identification.dynamic.stretch import Stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.signals import spans
 

@@ -1,7 +1,19 @@
-"""The choice between a symmetric law and one with parameters for each direction, by option or by the residuals."""
+"""The choice between a symmetric law and one with parameters for each direction, by option or by the residuals.
+
+A law that has parameters for each direction from the start may have more than the data tell apart. Its numbers x, with the
+covariance C and the differences d = D x of the directions, are then averaged with those without a difference (Kass & Raftery, JASA
+90, 1995; Buckland, Burnham & Augustin, Biometrics 53, 1997):
+
+    x - p u,   u = C D' V^-1 d,   V = D C D',
+    C - p C D' V^-1 D C + p (1 - p) u u'
+
+p: probability that there is none, where both are as likely before the log is seen, and a difference is then about as large as the
+numbers themselves, with the variance T:  p / (1 - p) = sqrt(|V + T| / |V|) exp((d' (V + T)^-1 d - d' V^-1 d) / 2).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,6 +24,7 @@ from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options
 from backdrive.laws.direction import BACKWARD, law_by_direction
+from backdrive.model import Covariance
 
 ALIKE = ("_negative", "_positive")  # suffixes of parameters in laws with both directions
 
@@ -49,6 +62,44 @@ def symmetric_shape(shape: LawShape) -> LawShape:
             remedy="Leave `symmetric` out, or choose a law that is alike in both directions: stribeck-gauss.",
         )
     return replace(shape, ties=ties)
+
+
+def average_directions(fit: Fit) -> Fit:
+    """Return a fit whose directions differ no more than the data tell; the same fit where the law, or the user, sets that.
+
+    Args:
+        fit: with its covariance.
+    """
+    shape, covariance = fit.problem.shape, fit.covariance
+    if covariance is None or fit.at_bound or fit.interrupted:
+        return fit
+    names = list(covariance.names)
+    pairs = [(n, n.replace(*ALIKE)) for n in names if n.endswith(ALIKE[0]) and n.replace(*ALIKE) in names]
+    if not pairs:
+        return fit
+    x, C = np.array([fit.values[n] for n in names]), covariance.array()
+    D = np.array([[(n == b) - (n == a) for n in names] for a, b in pairs], dtype=float)
+    d, V, T = D @ x, D @ C @ D.T, np.diag([0.5 * (fit.values[a] ** 2 + fit.values[b] ** 2) for a, b in pairs])
+    both = V + T
+    if not (np.linalg.eigvalsh(V)[0] > 0.0 and np.all(np.diag(T) > 0.0)):
+        return fit
+    log_odds = 0.5 * (np.linalg.slogdet(both)[1] - np.linalg.slogdet(V)[1])
+    log_odds += 0.5 * (d @ np.linalg.solve(both, d) - d @ np.linalg.solve(V, d))
+    p = 1.0 / (1.0 + math.exp(-max(log_odds, -500.0)))
+    pull = np.linalg.solve(V, D @ C).T
+    u = pull @ d
+    values = dict(zip(names, (x - p * u).tolist(), strict=True))
+    matrix = C - p * pull @ D @ C + p * (1.0 - p) * np.outer(u, u)
+    errors = dict(zip(names, np.sqrt(np.diag(matrix)).tolist(), strict=True))
+    values, errors = {**fit.values, **values}, {**fit.standard_errors, **errors}
+    return replace(
+        fit,
+        law=shape.law(values),
+        values=shape.complete(values),
+        standard_errors=shape.complete(errors),
+        covariance=Covariance.of(names, matrix),
+        found=replace(fit.found, point=fit.problem.point(values)),
+    )
 
 
 def gain(one: Fit, velocity: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from backdrive.engine import DriveModel, drives
 from backdrive.errors import InvalidInput
 from backdrive.identification.dynamic.choice import windows
 from backdrive.identification.dynamic.motion_log import MotionLog
-from backdrive.identification.dynamic.torque import Stretch, stretch
+from backdrive.identification.dynamic.stretch import Stretch, stretch
 from backdrive.identification.options import Options
 from backdrive.identification.signals import Signals, prepare
 from backdrive.logs.log import Drive, Joint, Log

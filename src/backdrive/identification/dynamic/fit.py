@@ -157,6 +157,7 @@ def conclude(
     found: SearchResult,
     loss: str = "huber",
     whiten: Callable[[np.ndarray], np.ndarray] | None = None,
+    grown: np.ndarray | None = None,
 ) -> Fit:
     """Return the fit at the end of a search: values, errors, parameters at a bound and parameters not determined.
 
@@ -165,6 +166,7 @@ def conclude(
         found: end of the search.
         loss: of the search.
         whiten: what the search did to the residuals, (..., m); None: nothing.
+        grown: what the covariance is multiplied by from the left, and transposed from the right, (P, P); None: nothing.
     """
     found = problem.sort_elements(found)
     values = problem.values(found.point)
@@ -179,7 +181,11 @@ def conclude(
         inputs if whiten is None else whiten(inputs),
         found.independent,
     )
-    matrix = cov.matrix + _between_samples(problem, found, cov.matrix)
+    matrix = cov.matrix.copy()
+    if grown is not None:
+        told = np.ix_(*2 * [np.isfinite(np.diag(matrix))])
+        matrix[told] = grown[told] @ matrix[told] @ grown[told].T
+    matrix += _between_samples(problem, found, matrix)
     root = np.sqrt(np.diag(matrix))
     errors, relative = {}, np.full(len(root), np.inf)
     slope = np.array([u.slope(values[u.name]) for u in problem.unknowns])
@@ -202,7 +208,7 @@ def conclude(
             f"'{u.name}' ended at the {end} bound of its range, {values[u.name]:.3g}{'' if u.unit == '1' else f' {u.unit}'}."
         )
     advice, shape = law.element.advice(law.rate), problem.shape
-    ties = {a: b for a, b in shape.ties.items() if a in shape.rate.TIES}
+    ties = {a: b for a, b in shape.ties.items() if a in shape.rate.TIES and "offset" in problem.names}
     notes += sentences(
         (advice, advice or ""),
         (found.interrupted, "The search was interrupted; this is its best result so far."),

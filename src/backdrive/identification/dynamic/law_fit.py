@@ -12,7 +12,8 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification.dynamic import starts as starts_
 from backdrive.identification.dynamic.fit import Fit, conclude
 from backdrive.identification.dynamic.search import Search, screen
-from backdrive.identification.dynamic.torque import BESIDE, LONGEST_DELAY, Stretch, TorqueProblem
+from backdrive.identification.dynamic.stretch import BESIDE, Stretch
+from backdrive.identification.dynamic.torque import LONGEST_DELAY, TorqueProblem
 from backdrive.identification.dynamic.unknowns import LawShape, Scales
 from backdrive.identification.windows import windows_of
 

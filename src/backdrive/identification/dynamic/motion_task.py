@@ -35,7 +35,8 @@ from backdrive.identification.dynamic.motion_terms import NAMES, OF_AXIS
 from backdrive.identification.dynamic.progress import ticker
 from backdrive.identification.dynamic.result import finish
 from backdrive.identification.dynamic.search import Search
-from backdrive.identification.dynamic.torque import Stretch, TorqueProblem
+from backdrive.identification.dynamic.stretch import Stretch
+from backdrive.identification.dynamic.torque import TorqueProblem
 from backdrive.identification.dynamic.torque_task import gravity_terms
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options, describe_drive

@@ -13,7 +13,7 @@ from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.covariance import search_covariance
 from backdrive.identification.dynamic.crossing import sliding_only
 from backdrive.identification.dynamic.fit import Fit
-from backdrive.identification.dynamic.torque import Stretch
+from backdrive.identification.dynamic.stretch import Stretch
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.evidence import evidence
 from backdrive.identification.misses import misses_at

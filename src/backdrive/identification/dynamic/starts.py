@@ -11,7 +11,8 @@ from backdrive.engine import Lanes
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import regression
 from backdrive.identification.delay import earlier
-from backdrive.identification.dynamic.torque import SLOW, SMOOTHED, Stretch, TorqueProblem
+from backdrive.identification.dynamic.stretch import SMOOTHED, Stretch
+from backdrive.identification.dynamic.torque import SLOW, TorqueProblem
 from backdrive.identification.dynamic.unknowns import Scales
 from backdrive.identification.terms import column, columns
 from backdrive.laws import Coulomb, HaywardArmstrong, Law, Leuven

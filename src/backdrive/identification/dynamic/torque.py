@@ -6,9 +6,8 @@ positions interpolated at the instants of the torque.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,18 +16,14 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.problem import Problem
 from backdrive.identification.dynamic.search import SearchResult
+from backdrive.identification.dynamic.stretch import Stretch, moving, with_error
 from backdrive.identification.dynamic.unknowns import LawShape, Scales, Unknown
-from backdrive.identification.dynamics import increments
-from backdrive.identification.signals import Signals
 from backdrive.identification.terms import columns, unit_of
-from backdrive.laws import REFERENCE, DeadZone, Law
-from backdrive.logs.filters import derivative, low_pass
+from backdrive.laws import DeadZone, Law
 
 FEWEST = 50  # least number of samples for a fit
 LONGEST_DELAY = 0.05  # longest delay of the search [s]
-SMOOTHED = 100.0  # default bandwidth of encoder noise in the velocity [Hz]
 RESTS = 1e-3  # share of the top speed below which a joint is at rest [-]
-BESIDE = 6  # number of samples on each side of a rest or reversal that do not count if friction jumps there
 KEPT = 1 << 17  # most samples of a stretch whose shifted motion is kept for the next prediction
 DRAWS = 8  # number of random draws of the encoder's rounding error, for its part of the standard errors
 # speed error of a low-passed encoder, pi sqrt(2)/3, in units of one step per sample times (bandwidth dt)^(3/2)
@@ -36,82 +31,6 @@ BLUR = 1.5
 SLOW = 0.03  # share of the top speed below which a motion shows presliding and break-away [-]
 #: Parameter that may be 0 -> least value that its error is compared with [scale of the parameter].
 LOOSE = {"delay": 50.0, "offset": 1.0, "gravity_sin": 1.0, "gravity_cos": 1.0}
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Stretch:
-    """Gap-free motion and torque of one joint, ready for the kernels.
-
-    Attributes:
-        dp: position increments [rad or m], (n,).
-        position: [rad or m], (n,); None for a velocity-only log.
-        acceleration: [rad/s^2 or m/s^2], (n,).
-        torque: measured [N.m or N], (n,).
-        dt: sampling time [s].
-        load: motor-side and external torque [N.m or N], (n, 2) or (1, 2).
-        temperature: [degC], (n,) or (1,).
-        judged: samples that count, (n,).
-        sliding: samples at which the joint slides steadily, (n,), or (1,) for all.
-        only_sliding: whether only sliding samples count.
-        bandwidth: of encoder noise in the velocity [Hz].
-    """
-
-    dp: np.ndarray
-    position: np.ndarray | None
-    acceleration: np.ndarray
-    torque: np.ndarray
-    dt: float
-    load: np.ndarray = field(default_factory=lambda: np.zeros((1, 2)))
-    temperature: np.ndarray = field(default_factory=lambda: np.array([REFERENCE]))
-    judged: np.ndarray
-    sliding: np.ndarray = field(default_factory=lambda: np.ones(1, dtype=bool))
-    only_sliding: bool = False
-    bandwidth: float = SMOOTHED
-
-    @property
-    def velocity(self) -> np.ndarray:
-        """Velocity of the interval that ends at each sample [rad/s or m/s], (n,)."""
-        return self.dp / self.dt
-
-    def rows(self, part: slice) -> Stretch:
-        """Return a part of the samples; what is given once for all of them stays."""
-        whole = {name: x for name, x in vars(self).items() if isinstance(x, np.ndarray)}
-        n = len(self.torque)
-        return replace(self, **{name: x[part] for name, x in whole.items() if len(x) == n})
-
-
-def stretch(
-    signals: Signals,
-    *,
-    load: np.ndarray | None = None,
-    temperature: np.ndarray | None = None,
-    bandwidth: float = SMOOTHED,
-) -> Stretch:
-    """Return prepared signals as a stretch.
-
-    Args:
-        signals: result of `identification.signals.prepare`.
-        load: motor-side and external torque [N.m or N], (n, 2).
-        temperature: [degC], (n,).
-        bandwidth: of encoder noise in the velocity, at most that of the motion's low pass [Hz].
-    """
-    dt = 1.0 / signals.rate
-    dp = increments(signals.position, signals.velocity, dt)
-    judged = np.isfinite(signals.torque)
-    edge = min(max(5, math.ceil(signals.rate / bandwidth)), len(judged) // 10)
-    judged[:edge] = judged[len(judged) - edge :] = False  # the low pass and a shift lack the motion beyond
-    return Stretch(
-        dp=np.ascontiguousarray(dp),
-        position=signals.position,
-        acceleration=signals.acceleration,
-        torque=signals.torque,
-        dt=dt,
-        load=np.zeros((1, 2)) if load is None else np.ascontiguousarray(load),
-        temperature=np.array([REFERENCE]) if temperature is None else np.ascontiguousarray(temperature),
-        judged=judged,
-        sliding=signals.sliding,
-        bandwidth=bandwidth,
-    )
 
 
 class TorqueProblem(Problem):
@@ -287,38 +206,15 @@ class TorqueProblem(Problem):
         at = [self.values(point)]
         before, changes = self.predict(at), []
         for _ in range(draws):
-            after = self.predict(at, [self._redrawn(s, rng) for s in self.stretches])
+            after = self.predict(
+                at, [with_error(s, self.count * (rng.uniform(size=len(s.dp)) - 0.5)) for s in self.stretches]
+            )
             changes.append(
                 np.concatenate(
                     [(x - y)[0, s.judged] for x, y, s in zip(after, before, self.stretches, strict=True)]
                 )
             )
         return np.array(changes)
-
-    def _redrawn(self, s: Stretch, rng: np.random.Generator) -> Stretch:
-        """Return a stretch with a random encoder rounding error added."""
-        e = self.count * (rng.uniform(size=len(s.dp)) - 0.5)
-        e = low_pass(e, min(s.bandwidth, 0.1 / s.dt), 1.0 / s.dt)
-        return replace(
-            s,
-            dp=s.dp + np.diff(e, prepend=e[:1]),
-            position=None if s.position is None else s.position + e,
-            acceleration=s.acceleration + derivative(derivative(e, s.dt), s.dt),
-        )
-
-
-def moving(s: Stretch, slowest: float, late: float = 0.0) -> Stretch:
-    """Return a stretch in which slow samples, reversals and their neighbours do not count.
-
-    Args:
-        s: the stretch.
-        slowest: speed below which a sample is slow [rad/s or m/s].
-        late: delay of the torque behind the motion [sample].
-    """
-    velocity = earlier(s.velocity, float(round(late)))
-    resting = (np.abs(velocity) < slowest) | (np.diff(np.sign(velocity), prepend=0.0) != 0)
-    near = np.convolve(resting, np.ones(2 * BESIDE + 1), mode="same") > 0
-    return replace(s, judged=s.judged & ~near)
 
 
 def _late(

@@ -10,12 +10,14 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
+from backdrive.identification.agreement import agree
 from backdrive.identification.crossing_fit import SAID
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.attenuation import restore_inertia
 from backdrive.identification.dynamic.colour import whiten_noise
 from backdrive.identification.dynamic.crossing import (
+    clear_of_blur,
     fast,
     is_bounded,
     lags_behind,
@@ -30,8 +32,8 @@ from backdrive.identification.dynamic.joint_fit import Task
 from backdrive.identification.dynamic.law_fit import STEPS, fit_law
 from backdrive.identification.dynamic.progress import ticker
 from backdrive.identification.dynamic.result import finish
+from backdrive.identification.dynamic.stretch import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.through import with_crossings
-from backdrive.identification.dynamic.torque import SMOOTHED, Stretch, stretch
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.motion_bins import bin_time, period_of
@@ -149,7 +151,7 @@ class TorqueTask(Task):
         )
         if not shape.element.SET_VALUED or shape.rate.SMOOTH:
             return one
-        best = self._of_sliding(shape, records, one, asked, warm_start)
+        best = self._clear(shape, self._of_sliding(shape, records, one, asked, warm_start), asked)
         if not slips_too_early(best.values) or is_bounded(self.options.bounds):
             return best
         slid = sliding(records, best.values.get("delay", 0.0))
@@ -187,6 +189,23 @@ class TorqueTask(Task):
         return (
             two if choice.training_error(two, slid)[0] < BETTER * choice.training_error(one, slid)[0] else one
         )
+
+    def _clear(self, shape: LawShape, one: Fit, asked: Mapping[str, Any]) -> Fit:
+        """Return the fit of a line without samples near reversals, if these contradict it where a lowered low pass blurs them.
+
+        Other laws are told by slow motion.
+        """
+        fitted: Sequence[Stretch] = one.problem.stretches  # type: ignore[attr-defined]
+        clear = clear_of_blur(fitted, one.values.get("delay", 0.0))
+        left = shape.rate is not CoulombViscous or one.interrupted or one.at_bound
+        if left or all(s is t for s, t in zip(fitted, clear, strict=True)):
+            return one
+        again = {"begin": 8, "descend": 1, "begin_at": one.values}
+        two = fit_law(shape, clear, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **again)
+        names = [n for n in one.problem.names if 0.0 < two.standard_errors[n] < np.inf]
+        before, after = (np.array([f.standard_errors[n] for n in names]) for f in (two, one))
+        moved = np.array([one.values[n] - two.values[n] for n in names])
+        return one if two.at_bound or agree(moved, before, after) else two
 
     def error(self, one: Fit) -> tuple[float, int]:
         """Return the mean squared error on the fitted data, rests included, and the number of samples."""
@@ -227,7 +246,8 @@ class TorqueTask(Task):
         restored = restore_inertia(final) or final
         stretches = [s for s, _ in self.pairs]
         white = whiten_noise(restored, bin_time(stretches, self.cutoff))
-        return with_crossings(white, stretches, self.rounding)
+        through = with_crossings(white, stretches, self.rounding)
+        return through if self.options.symmetric is False else directions.average_directions(through)
 
     def finish(self, final: Fit, judged: Fit) -> tuple[JointFriction, JointEvidence]:
         """Return friction and evidence from the final fit and from the fit without held-out data."""
