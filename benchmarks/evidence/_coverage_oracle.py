@@ -42,7 +42,7 @@ class Terms(NamedTuple):
         offset: a constant takes part.
         inertia: inertia and delay take part.
         flanks: only samples near the peaks of speed are used.
-        freedom: degrees of freedom of the t quantile; infinite: that of the normal distribution.
+        freedom: degrees of freedom of the t quantile, at most those that the noise leaves.
     """
 
     knots: np.ndarray
@@ -93,7 +93,8 @@ def oracle(records: Sequence[Record], terms: Terms, kind: str = "jump") -> Oracl
     X = np.vstack([_whitened(record, terms, kind) for record in records])
     scale = np.maximum(np.linalg.norm(X, axis=0), 1e-150)
     covariance = np.linalg.pinv((X / scale).T @ (X / scale), rcond=1e-12) / np.outer(scale, scale)
-    quantile = float(stats.t.ppf(0.975, terms.freedom)) if terms.freedom > 0 else np.inf
+    freedom = min(terms.freedom, sum(_independent(record) for record in records) - X.shape[1])
+    quantile = float(stats.t.ppf(0.975, freedom)) if freedom > 0 else np.inf
     curve = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     second = np.arange(k) if terms.symmetric else np.r_[0 if terms.alike else k, k + 1 : 2 * k]
     second[1:] -= terms.alike
@@ -110,6 +111,11 @@ def oracle(records: Sequence[Record], terms: Terms, kind: str = "jump") -> Oracl
         viscous=quantile * np.array(viscous),
         delay=delay,
     )
+
+
+def _independent(record: Record) -> float:
+    """Return as how many independent samples the noise of a log tells its variance: who does not know it has that t quantile."""
+    return record.time.size * (1.0 - record.logger.colour) / (1.0 + record.logger.colour)
 
 
 def _whitened(record: Record, terms: Terms, kind: str) -> np.ndarray:

@@ -6,7 +6,6 @@ through reversals gives too little Coulomb and too much viscous friction, or a b
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -17,7 +16,7 @@ from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.stretch import Stretch
 from backdrive.identification.remark import EARLY
 from backdrive.identification.settling import SHARES
-from backdrive.identification.signals import SLOW, default_cutoff, since_reversal, spans
+from backdrive.identification.signals import SLOW, since_reversal, spans
 from backdrive.laws.direction import BACKWARD
 
 ENOUGH = 0.3  # least share of sliding samples for a fit to sliding alone [-]
@@ -88,25 +87,6 @@ def without_build_up(
         before = share * middle
     count, left = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, kept))
     return kept if left > ENOUGH * count else list(stretches)
-
-
-def clear_of_blur(stretches: Sequence[Stretch], late: float) -> list[Stretch]:
-    """Return stretches in which samples do not count near reversals that a lowered low pass blurs; unchanged without such.
-
-    A servo's acceleration jumps where friction does. The low pass blurs that over one period of its cutoff to either side.
-
-    Args:
-        stretches: of one joint.
-        late: delay of the torque behind the motion [s].
-    """
-    clear = []
-    for s in stretches:
-        turns = np.diff(np.sign(earlier(s.velocity, late / s.dt)), prepend=0.0) != 0
-        width = math.ceil(1.0 / (s.bandwidth * s.dt)) if s.bandwidth < default_cutoff(1.0 / s.dt) else 0
-        near = np.convolve(turns, np.ones(2 * width + 1), mode="same") > 0
-        clear.append(replace(s, judged=s.judged & ~near) if width else s)
-    before, after = (sum(int(np.count_nonzero(s.judged)) for s in each) for each in (stretches, clear))
-    return clear if after > ENOUGH * before else list(stretches)
 
 
 def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:

@@ -10,14 +10,12 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
-from backdrive.identification.agreement import agree
 from backdrive.identification.crossing_fit import SAID
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.attenuation import restore_inertia
 from backdrive.identification.dynamic.colour import whiten_noise
 from backdrive.identification.dynamic.crossing import (
-    clear_of_blur,
     fast,
     is_bounded,
     lags_behind,
@@ -151,7 +149,7 @@ class TorqueTask(Task):
         )
         if not shape.element.SET_VALUED or shape.rate.SMOOTH:
             return one
-        best = self._clear(shape, self._of_sliding(shape, records, one, asked, warm_start), asked)
+        best = self._of_sliding(shape, records, one, asked, warm_start)
         if not slips_too_early(best.values) or is_bounded(self.options.bounds):
             return best
         slid = sliding(records, best.values.get("delay", 0.0))
@@ -189,23 +187,6 @@ class TorqueTask(Task):
         return (
             two if choice.training_error(two, slid)[0] < BETTER * choice.training_error(one, slid)[0] else one
         )
-
-    def _clear(self, shape: LawShape, one: Fit, asked: Mapping[str, Any]) -> Fit:
-        """Return the fit of a line without samples near reversals, if these contradict it where a lowered low pass blurs them.
-
-        Other laws are told by slow motion.
-        """
-        fitted: Sequence[Stretch] = one.problem.stretches  # type: ignore[attr-defined]
-        clear = clear_of_blur(fitted, one.values.get("delay", 0.0))
-        left = shape.rate is not CoulombViscous or one.interrupted or one.at_bound
-        if left or all(s is t for s, t in zip(fitted, clear, strict=True)):
-            return one
-        again = {"begin": 8, "descend": 1, "begin_at": one.values}
-        two = fit_law(shape, clear, tick=ticker(self.options.say, self.info.name, STEPS), **asked, **again)
-        names = [n for n in one.problem.names if 0.0 < two.standard_errors[n] < np.inf]
-        before, after = (np.array([f.standard_errors[n] for n in names]) for f in (two, one))
-        moved = np.array([one.values[n] - two.values[n] for n in names])
-        return one if two.at_bound or agree(moved, before, after) else two
 
     def error(self, one: Fit) -> tuple[float, int]:
         """Return the mean squared error on the fitted data, rests included, and the number of samples."""
