@@ -1,4 +1,4 @@
-"""How cost grows with samples, joints, laws and parameter sets, one at a time; an hour of seven joints; 500 logs in a row.
+"""How cost grows with samples, joints, laws and parameter sets, one at a time; an hour of seven joints; 500 logs in a row; reports.
 
 Each measurement is the processor time in a process of its own, its compiling done before; of reading, which is done by a child,
 the wall time. A power is the slope of log cost over log
@@ -24,6 +24,7 @@ from _common import Judge, parser
 
 RATE = 1000
 POWER = 1.1
+REPORT = 0.1  # of a joint more [s]
 HERE = Path(__file__).resolve()
 
 #: What one process measures: sizes in, processor seconds by size out.
@@ -66,6 +67,10 @@ def cost(what: str, size: int) -> float:
         work = lambda: screen(log)  # noqa: E731
     elif kind == "identify":
         work = lambda: identify(log, method="motion")  # noqa: E731
+    elif kind == "report":
+        result = identify(log, method="motion")
+        with tempfile.TemporaryDirectory() as folder:
+            return least(lambda: result.report(Path(folder, "report.html")))
     elif kind == "law fit":
         laws = (
             "stribeck-gauss" if variable == "samples" else LAWS[:size] if variable == "laws" else LAWS[size]
@@ -147,6 +152,7 @@ def series(judge: Judge, short: bool) -> None:
         "health by joints": joints,
         "identify by joints": joints,
         "reading by joints": joints,
+        "report by joints": joints[: 3 if short else 5],
         "law fit by laws": [1, 2] if short else [1, 2, 4, 8],
         "rollout by sets": [16, 64, 256] if short else [16, 64, 256, 1024, 4096],
     }
@@ -159,6 +165,8 @@ def series(judge: Judge, short: bool) -> None:
             f"  {what}: " + ", ".join(f"{n:g}: {1e3 * s:.3g} ms" for n, s in zip(sizes, times, strict=True))
         )
         judge.at_most(f"{what}, power", power(grown, times), POWER)
+        if what == "report by joints":
+            judge.at_most("report, seconds a joint", (times[-1] - times[0]) / (sizes[-1] - sizes[0]), REPORT)
 
 
 HOUR = """

@@ -136,6 +136,8 @@ def axes_of(figure: Any, theme: Theme, rectangle: tuple[float, float, float, flo
         theme: its colours.
         rectangle: left, bottom, width, height [pt] of the plotting area; the house's margins by default.
     """
+    from backdrive.report.pictures.ticks import Ticks
+
     width, height = figure.get_size_inches() * 72.0
     left, bottom, w, h = rectangle or (44.0, 38.0, width - 54.0, height - 62.0)
     axes = figure.add_axes((left / width, bottom / height, w / width, h / height))
@@ -143,8 +145,7 @@ def axes_of(figure: Any, theme: Theme, rectangle: tuple[float, float, float, flo
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     axes.spines["bottom"].set_color(theme.muted)
-    axes.grid(True, color=theme.grid, linewidth=0.7)
-    axes.tick_params(colors=theme.muted, labelcolor=theme.muted)
+    Ticks(axes, grid=theme.grid, muted=theme.muted, ink=theme.ink, size=FONT_SIZE)
     return axes
 
 
@@ -154,7 +155,7 @@ def name_axes(axes: Any, theme: Theme, *, x: str, y: str) -> None:
 
     axes.xaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 2.5, 5, 10]))
     axes.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]))
-    axes.set_xlabel(x, color=theme.ink, labelpad=5)
+    axes.set_xlabel(x)
     axes.annotate(
         y,
         (0, 1),
@@ -165,6 +166,13 @@ def name_axes(axes: Any, theme: Theme, *, x: str, y: str) -> None:
         fontsize=FONT_SIZE,
         annotation_clip=False,
     )
+
+
+def hide_labels(axes: Any) -> None:
+    """Leave out the labels of the horizontal axis, which another picture below has."""
+    from backdrive.report.pictures.ticks import ticks_of
+
+    ticks_of(axes).labelled = False
 
 
 def new_figure(theme: Theme, width: float = WIDTH, height: float = HEIGHT) -> Any:

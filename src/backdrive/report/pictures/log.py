@@ -58,7 +58,7 @@ def log_figure(log: Log, theme: Theme = canvas.LIGHT) -> Any:
                     y=f"{NAMES[channel]} [{unit}], {_short(joint.name)}",
                 )
                 if not last:
-                    axes.tick_params(labelbottom=False)
+                    canvas.hide_labels(axes)
     return figure
 
 

@@ -86,7 +86,7 @@ def plan_figure(
             canvas.name_axes(axes, theme, x="time [s]" if last else "", y=words)
             axes.set_xlim(plan.start - 0.01 * plan.duration, plan.start + 1.01 * plan.duration)
             if not last:
-                axes.tick_params(labelbottom=False)
+                canvas.hide_labels(axes)
         y = 1.0 - 12.0 / height
         figure.text(_LEFT / WIDTH, y, _title(plan, single), color=theme.ink, va="center", fontweight="bold")
         shaded = " or ".join(dict.fromkeys(_BANDS[one.kind] for one in single))
@@ -128,7 +128,7 @@ def _arm_figure(plan: ArmPlan, limits: Mapping[str, JointLimits], theme: Theme) 
                 fontsize=canvas.FONT_SIZE - 1.5,
             )
             if j < J - 1:
-                axes.tick_params(labelbottom=False)
+                canvas.hide_labels(axes)
         y = 1.0 - 12.0 / height
         title = f"positions of {J} joints that move at once, {plan.duration:.4g} s"
         figure.text(_LEFT / WIDTH, y, title, color=theme.ink, va="center", fontweight="bold")

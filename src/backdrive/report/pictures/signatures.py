@@ -211,7 +211,7 @@ def _pull(figure: Any, theme: Theme, law: Law, size: data.Scene, cases: list[dat
         axes.set_xlim(0.0, size.duration)
     _name(upper, theme, "", "spring [N·m]", few=True)
     _name(lower, theme, "time [s]", f"position [{unit}]", few=True)
-    upper.tick_params(labelbottom=False)
+    canvas.hide_labels(upper)
     _key(lower, theme)
     if len(cases) > 1:
         _key(upper, theme)
