@@ -20,6 +20,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.fit import NEAR, Fit, conclude
 from backdrive.identification.dynamic.search import Search, SearchResult
 from backdrive.identification.dynamic.stretch import Stretch, with_error
@@ -57,9 +58,8 @@ def restore_inertia(fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None 
     H = J.T @ (found.weight[:, None] * J)
     size = np.sqrt(np.diag(H))
     value, vector = np.linalg.eigh(H / np.outer(size, size))
-    ways = (
-        vector / np.sqrt(np.maximum(value, FLAT * value[-1])) / size[:, None]
-    )  # the cost rises alike along each
+    curved = np.sqrt(np.maximum(value, FLAT * value[-1]))
+    ways = vector / curved / size[:, None]  # along each of which the cost rises alike
     S, g = _of_rounding(fit, whiten, lambda S: float(np.linalg.eigvalsh(ways.T @ S[block] @ ways)[-1]))
     share, turn = np.linalg.eigh(ways.T @ S[block] @ ways)
     k = int(np.count_nonzero(free[:at]))
@@ -120,7 +120,7 @@ def _of_rounding(
     """
     problem, weight = fit.problem, fit.found.weight
     assert isinstance(problem, TorqueProblem)
-    at = [problem.values(fit.found.point)]
+    at, late = [problem.values(fit.found.point)], fit.values.get("delay", 0.0)
     before, rng = problem.predict(at), np.random.default_rng(0)
     S, g = np.zeros((len(problem.names),) * 2), np.zeros(len(problem.names))
     for k in range(DRAWS):
@@ -130,7 +130,8 @@ def _of_rounding(
         changes = [x[0] - y[0] for x, y in zip(problem.predict(at, rounded), before, strict=True)]
         series = {"": changes}
         series["inertia"] = [
-            r.acceleration - s.acceleration for r, s in zip(rounded, problem.stretches, strict=True)
+            earlier(r.acceleration - s.acceleration, late / s.dt)
+            for r, s in zip(rounded, problem.stretches, strict=True)
         ]
         if "delay" in problem.names:
             series["delay"] = [-np.gradient(x, s.dt) for x, s in zip(changes, problem.stretches, strict=True)]
