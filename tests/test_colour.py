@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from backdrive import identify
-from backdrive.identification.dynamic import colour, torque_task
+from backdrive.identification.dynamic import attenuation, colour, torque_task
 from backdrive.identification.dynamic.attenuation import restore_inertia
 from backdrive.identification.dynamic.colour import bins_of, whiten_noise
 from backdrive.identification.dynamic.law_fit import fit_law
-from backdrive.identification.dynamic.stretch import stretch
+from backdrive.identification.dynamic.stretch import stretch, with_error
 from backdrive.identification.signals import prepare
 from backdrive.identification.whitening import Colour, neighbours
 from backdrive.logs.log import Joint, Log
@@ -177,3 +177,39 @@ def test_a_coarse_encoder_does_not_make_a_torque_seem_early(monkeypatch):
         first, last = np.sqrt(np.mean(z**2, axis=1))
         assert first > 6.0 and last < 4.5, z
         assert last < 0.5 * first
+
+
+def test_a_late_torque_has_as_much_taken_from_the_inertia(monkeypatch):
+    """False acceleration is delayed like the motion that a late torque is fitted to."""
+    moved = {0.0: [], 0.04: []}
+    far = []
+    for late, share in moved.items():
+
+        def keep(fit, share=share):
+            one = restore_inertia(fit)
+            share.append(one.values["inertia"] / fit.values["inertia"] - 1.0)
+            return one
+
+        monkeypatch.setattr(torque_task, "restore_inertia", keep)
+        for seed in range(5):
+            log = log_of(seed, colour=0.0, noise=0.05, counts=2048.0, late=late)
+            joint = identify(log, **LAW).model.joints[0]
+            far += [
+                (joint.dynamics[name].value - truth) / joint.dynamics[name].standard_error
+                for name, truth in (("delay", late), ("inertia", 0.15))
+            ]
+    assert np.mean(moved[0.0]) > 0.002
+    assert np.mean(moved[0.04]) == pytest.approx(np.mean(moved[0.0]), rel=0.3)
+    assert np.sqrt(np.mean(np.square(far))) < 3.0
+
+
+@pytest.mark.parametrize("cutoff", [None, 8.0, 40.0])
+def test_false_acceleration_is_low_passed_like_the_motion(cutoff):
+    log, fine = (log_of(3, colour=0.0, noise=0.01, counts=counts) for counts in (4096.0, 2.0**30))
+    ((_, coarse),), ((_, exact),) = (torque_task._stretches(one, "joint", cutoff) for one in (log, fine))
+    step = 2.0 * np.pi / 4096.0
+    inner = slice(100, -100)
+    true = np.std((coarse.acceleration - exact.acceleration)[inner])
+    draws = [with_error(exact, attenuation._rounding(exact, step, phase)) for phase in (0.1, 0.4, 0.7)]
+    drawn = np.sqrt(np.mean([np.var((one.acceleration - exact.acceleration)[inner]) for one in draws]))
+    assert drawn == pytest.approx(true, rel=0.15)

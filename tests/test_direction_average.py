@@ -96,3 +96,29 @@ def test_directions_that_are_alike_get_about_one_number_and_others_keep_theirs()
     apart = [abs(j.law.rate.viscous_positive - j.law.rate.viscous_negative) for j in (free, asked)]
     assert apart[0] < 0.5 * apart[1]
     assert free.standard_errors[PAIR[0]] < 0.9 * asked.standard_errors[PAIR[0]]
+
+
+def test_no_number_leaves_its_range(fit):
+    names = [*PAIR, *(n for n in fit.covariance.names if n not in PAIR)]
+    rows = [fit.covariance.names.index(name) for name in names]
+    C = fit.covariance.array()[np.ix_(rows, rows)]
+    C[:2], C[:, :2] = 0.0, 0.0
+    C[:2, :2] = [[0.05**2, 0.9 * 0.05 * 0.02], [0.9 * 0.05 * 0.02, 0.02**2]]
+    values = {**fit.values, PAIR[0]: 0.06, PAIR[1]: 0.01}  # the pull alone would make both negative
+    given = replace(fit, values=values, covariance=Covariance.of(names, C))
+    assert average_directions(given) is given
+    bounded = identify(log_of(0), law="coulomb-viscous", bounds={"offset": (0.0095, 1.0)})
+    assert bounded.model.joints[0].dynamics["offset"].value >= 0.0095
+
+
+@pytest.mark.parametrize("backwards", [0.0, 0.1])
+def test_the_curve_is_as_sure_as_its_numbers(backwards):
+    result = identify(log_of(1, backwards), law="coulomb-viscous")
+    curve, C = result.evidence[0].curve, result.model.joints[0].covariance
+    names, matrix = list(C.names), C.array()
+    for v, error in zip(curve.velocity, curve.standard_error, strict=True):
+        if abs(v) > 0.5:
+            row = np.zeros(len(names))
+            row[names.index("coulomb_positive")] = 1.0  # of both directions, beside a constant torque
+            row[names.index(PAIR[int(v < 0.0)])] = abs(v)
+            assert error == pytest.approx(np.sqrt(row @ matrix @ row), rel=0.02)

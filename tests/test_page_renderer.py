@@ -61,10 +61,8 @@ def test_a_page_has_what_matplotlib_draws():
             if w.shape == found.shape
             and min(np.abs(w - found).max(), np.abs(w - w[0] - found + found[0]).max() - 0.05) < 0.0501
         ]
-        box = np.ptp(found, axis=0)
-        assert near or (box.max() > 100.0 and len(found) == 4), path.get("d")[
-            :80
-        ]  # what is clipped to is a rectangle
+        clip = [[44.0, 24.0], [314.0, 24.0], [314.0, 182.0], [44.0, 182.0]]  # of the axes
+        assert near or np.array_equal(found, clip), path.get("d")[:80]
     strokes = [p for p in drawn if "stroke:var(--ink);stroke-width:1.7" in (p.get("style") or "")]
     assert len(strokes) == 1 and "stroke-dasharray" in strokes[0].get("style")
     assert strokes[0].get("d").count("M") == 2  # one gap

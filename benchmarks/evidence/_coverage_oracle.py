@@ -114,7 +114,7 @@ def oracle(records: Sequence[Record], terms: Terms, kind: str = "jump") -> Oracl
 
 
 def _independent(record: Record) -> float:
-    """Return as how many independent samples the noise of a log tells its variance: who does not know it has that t quantile."""
+    """Return as how many independent samples a mean of the noise counts, by which the methods choose their t quantile."""
     return record.time.size * (1.0 - record.logger.colour) / (1.0 + record.logger.colour)
 
 

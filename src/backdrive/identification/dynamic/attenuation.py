@@ -42,7 +42,8 @@ def restore_inertia(fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None 
         whiten: what its search did to the residuals, (..., m); None: nothing.
 
     Returns:
-        The fit, the same where rounding is not felt; None if rounding determines the inertia to more than `LARGE`.
+        The fit, the same where rounding is not felt or the inertia is known; None if rounding determines the inertia to more
+        than `LARGE`.
     """
     problem, found = fit.problem, fit.found
     left = found.interrupted or fit.at_bound or "inertia" not in problem.names

@@ -65,7 +65,7 @@ def symmetric_shape(shape: LawShape) -> LawShape:
 
 
 def average_directions(fit: Fit) -> Fit:
-    """Return a fit whose directions differ no more than the data tell; the same fit where the law, or the user, sets that.
+    """Return a fit whose directions differ no more than the data tell; the same fit where a range does not allow it.
 
     Args:
         fit: with its covariance.
@@ -92,13 +92,18 @@ def average_directions(fit: Fit) -> Fit:
     matrix = C - p * pull @ D @ C + p * (1.0 - p) * np.outer(u, u)
     errors = dict(zip(names, np.sqrt(np.diag(matrix)).tolist(), strict=True))
     values, errors = {**fit.values, **values}, {**fit.standard_errors, **errors}
+    problem = fit.problem
+    if not all(
+        problem.lower[i] < u.inward(values[u.name]) < problem.upper[i] for i, u in enumerate(problem.unknowns)
+    ):
+        return fit
     return replace(
         fit,
         law=shape.law(values),
         values=shape.complete(values),
         standard_errors=shape.complete(errors),
         covariance=Covariance.of(names, matrix),
-        found=replace(fit.found, point=fit.problem.point(values)),
+        found=replace(fit.found, point=problem.point(values)),
     )
 
 

@@ -168,7 +168,8 @@ def conclude(
         whiten: what the search did to the residuals, (..., m); None: nothing.
         grown: what the covariance is multiplied by from the left, and transposed from the right, (P, P); None: nothing.
     """
-    found = problem.sort_elements(found)
+    before, found = found, problem.sort_elements(found)
+    grown = grown if found is before else None  # of other rows
     values = problem.values(found.point)
     low, inputs = found.point <= problem.lower + NEAR, problem.encoder(found.point)
     at_bound = low | (found.point >= problem.upper - NEAR)

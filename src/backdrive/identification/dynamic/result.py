@@ -10,7 +10,6 @@ import numpy as np
 
 from backdrive.identification.curves import SHARES, widen_below
 from backdrive.identification.delay import earlier
-from backdrive.identification.dynamic.covariance import search_covariance
 from backdrive.identification.dynamic.crossing import sliding_only
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.stretch import Stretch
@@ -197,21 +196,23 @@ def _share_rows(final: Fit, count: int, row_of: Mapping[str, np.ndarray]) -> dic
 
 def band(final: Fit, velocity: np.ndarray) -> np.ndarray:
     """Return the standard error of the steady curve at velocities [N.m or N]."""
-    at, found = np.isfinite([final.standard_errors[n] for n in final.problem.names]), final.found
-    instants = final.problem.instants if found.instants is None else found.instants
-    cov = search_covariance(
-        found.jacobian, found.residual, found.weight, at, instants, independent=found.independent
-    )
+    if final.covariance is None:
+        return np.full(velocity.shape, np.nan)
+    problem, names = final.problem, final.covariance.names
+    rows = [
+        k for k, name in enumerate(names) if name in problem.names
+    ]  # those of a drive do not move the curve
     centre, columns = final.law.torque(velocity), []
-    for i in np.flatnonzero(at):
-        moved = found.point.copy()
-        step = -1e-5 if moved[i] + 1e-5 > final.problem.upper[i] else 1e-5
+    for i in (problem.names.index(names[k]) for k in rows):
+        moved = final.found.point.copy()
+        step = -1e-5 if moved[i] + 1e-5 > problem.upper[i] else 1e-5
         moved[i] += step
-        law = final.problem.shape.law(final.problem.values(moved))
-        columns.append((law.torque(velocity) - centre) / step)
+        slope = problem.unknowns[i].slope(final.values[problem.names[i]])
+        law = problem.shape.law(problem.values(moved))
+        columns.append((law.torque(velocity) - centre) / (step * slope))
     J = np.array(columns).T
-    inner = cov.matrix[np.ix_(at, at)] + (0.0 if final.misfit is None else final.misfit[np.ix_(at, at)])
-    return np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", J, inner, J), 0.0))
+    C = final.covariance.array()[np.ix_(rows, rows)]
+    return np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", J, C, J), 0.0))
 
 
 def _span(series: list[np.ndarray]) -> tuple[float, float] | None:

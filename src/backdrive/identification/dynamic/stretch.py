@@ -33,6 +33,7 @@ class Stretch:
         sliding: samples at which the joint slides steadily, (n,), or (1,) for all.
         only_sliding: whether only sliding samples count.
         bandwidth: of encoder noise in the velocity [Hz].
+        cutoff: of the low pass of its motion [Hz]; None: the default.
     """
 
     dp: np.ndarray
@@ -46,6 +47,7 @@ class Stretch:
     sliding: np.ndarray = field(default_factory=lambda: np.ones(1, dtype=bool))
     only_sliding: bool = False
     bandwidth: float = SMOOTHED
+    cutoff: float | None = None
 
     @property
     def velocity(self) -> np.ndarray:
@@ -65,6 +67,7 @@ def stretch(
     load: np.ndarray | None = None,
     temperature: np.ndarray | None = None,
     bandwidth: float = SMOOTHED,
+    cutoff: float | None = None,
 ) -> Stretch:
     """Return prepared signals as a stretch.
 
@@ -73,6 +76,7 @@ def stretch(
         load: motor-side and external torque [N.m or N], (n, 2).
         temperature: [degC], (n,).
         bandwidth: of encoder noise in the velocity, at most that of the motion's low pass [Hz].
+        cutoff: of that low pass [Hz]; None: the default.
     """
     dt = 1.0 / signals.rate
     dp = increments(signals.position, signals.velocity, dt)
@@ -90,6 +94,7 @@ def stretch(
         judged=judged,
         sliding=signals.sliding,
         bandwidth=bandwidth,
+        cutoff=cutoff,
     )
 
 
@@ -100,7 +105,7 @@ def with_error(s: Stretch, e: np.ndarray) -> Stretch:
         s: the stretch.
         e: error [rad or m], (n,).
     """
-    e = low_pass(e, min(s.bandwidth, default_cutoff(1.0 / s.dt)), 1.0 / s.dt)
+    e = low_pass(e, s.cutoff or default_cutoff(1.0 / s.dt), 1.0 / s.dt)
     return replace(
         s,
         dp=s.dp + np.diff(e, prepend=e[:1]),

@@ -286,6 +286,7 @@ def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> 
             load=then.load,
             temperature=signals.temperature,
             bandwidth=SMOOTHED if cutoff is None else min(cutoff, SMOOTHED),
+            cutoff=cutoff,
         )
         if signals.model_torque is not None:
             one = replace(one, torque=one.torque - signals.model_torque)

@@ -96,7 +96,10 @@ class PageRenderer(RendererBase):
         if mtext and angle == 0.0:  # where the text belongs, whatever the width of the page's font
             x, side = mtext.get_transform().transform(mtext.get_unitless_position())[0], mtext.get_ha()
         bold = prop.get_weight() in ("bold", "semibold", "heavy", 700)
-        self.write(s, x, y, size, to_hex(gc.get_rgb()), side=side, angle=angle, bold=bold)
+        clear, clip = gc.get_alpha() if gc.get_forced_alpha() else gc.get_rgb()[3], self._clip(gc)
+        self.write(
+            s, x, y, size, to_hex(gc.get_rgb()), side=side, angle=angle, bold=bold, opacity=clear, clip=clip
+        )
 
     def write(
         self,
@@ -109,6 +112,8 @@ class PageRenderer(RendererBase):
         side: str = "left",
         angle: float = 0.0,
         bold: bool = False,
+        opacity: float = 1.0,
+        clip: str = "",
     ) -> None:
         """Write a text whose base line is y from above [pt]."""
         style = [
@@ -117,9 +122,10 @@ class PageRenderer(RendererBase):
             f"fill:{_VARIABLES.get(color, color)}",
         ]
         style += ["font-weight:bold"] if bold else []
+        style += [f"opacity:{opacity:g}"] if opacity != 1.0 else []
         at = f'x="{_round(x):g}" y="{_round(y):g}"'
         turned = f' transform="rotate({-angle:g} {_round(x):g} {_round(y):g})"' if angle else ""
-        self._parts.append(f'<text style="{";".join(style)}" {at}{turned}>{escape(word)}</text>')
+        self._parts.append(f'<text{clip} style="{";".join(style)}" {at}{turned}>{escape(word)}</text>')
 
     def draw_image(self, gc: Any, x: float, y: float, im: Any, transform: Any = None) -> None:
         """Refuse: the house's pictures have no pixels."""

@@ -1,7 +1,7 @@
-"""Grid lines, tick labels and the name of the horizontal axis, drawn as two artists instead of five for each tick.
+"""Grid lines, tick labels and the name of the horizontal axis, drawn by one artist instead of five for each tick.
 
 matplotlib makes a tick of two marks, a grid line and two labels, whose making and layout take half of the time of a small picture.
-Where ticks are, and what is written there, stays with its locators and formatters.
+Where ticks are, and what is written there, stays with its locators and formatters. Minor ticks are not drawn.
 """
 
 from __future__ import annotations
