@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.signals import prepare, turns, way_since_reversal
 from backdrive.logs.filters import low_pass
 from backdrive.logs.log import Joint, Log
+from backdrive.model import JointFriction
 
 RATE = 1000.0
 WAVES = ((0.8, 0.9, 0.0), (0.4, 2.3, 1.0), (0.2, 6.1, 2.0))  # rad, rad/s, rad
@@ -38,24 +42,29 @@ def joint_log(
         q = np.insert(q, held, q[held])
         v, acceleration = np.insert(v, held, 0.0), np.insert(acceleration, held, 0.0)
         t = np.arange(q.size) / RATE
-    z = np.zeros(t.size)
-    for k in range(1, t.size):
-        z[k] = np.clip(z[k - 1] + q[k] - q[k - 1], -bend, bend)
-    level = z / bend if bend else np.sign(v)
+    z = [0.0]
+    for change in np.diff(q).tolist():
+        z.append(min(max(z[-1] + change, -bend), bend))
+    level = np.array(z) / bend if bend else np.sign(v)
     white = rng.standard_normal(t.size)
-    wander = np.zeros(t.size)
-    for k in range(1, t.size):
-        wander[k] = colour * wander[k - 1] + np.sqrt(1.0 - colour**2) * white[k]
+    white[0] = 0.0
+    wander = lfilter([np.sqrt(1.0 - colour**2)], [1.0, -colour], white)
     torque = INERTIA * acceleration + COULOMB * level + VISCOUS * v + sd * wander
     position = np.round(q / step) * step if step else q
     return Log(time=t, joints=(Joint(name="j", unit="rad"),), position=position, torque=torque)
 
 
+@cache
+def friction_of(seed: int, **options: float) -> JointFriction:
+    """Return what is found in a log, once for all numbers."""
+    return identify_motion([joint_log(seed, **options)], "j", law="coulomb-viscous")[0]
+
+
 def scores(name: str, truth: float, **options) -> np.ndarray:
     """Return errors of a number over several logs, by its stated error."""
     made = []
-    for seed in range(8):
-        friction, _ = identify_motion([joint_log(seed, **options)], "j", law="coulomb-viscous")
+    for seed in range(6):
+        friction = friction_of(seed, **options)
         if name in friction.dynamics:
             estimate = friction.dynamics[name]
             made.append((estimate.value - truth) / estimate.standard_error)
