@@ -125,9 +125,7 @@ def _of_rounding(
     before, rng = problem.predict(at), np.random.default_rng(0)
     S, g = np.zeros((len(problem.names),) * 2), np.zeros(len(problem.names))
     for k in range(DRAWS):
-        rounded = [
-            with_error(s, _rounding(s, problem.count, (k + rng.uniform()) / DRAWS)) for s in problem.stretches
-        ]
+        rounded = _round_again(problem, k, rng)
         changes = [x[0] - y[0] for x, y in zip(problem.predict(at, rounded), before, strict=True)]
         series = {"": changes}
         series["inertia"] = [
@@ -157,17 +155,20 @@ def _of_rounding(
 def false_acceleration(problem: TorqueProblem, seed: int = 0) -> np.ndarray:
     """Return the acceleration that the encoder's rounding looks like [rad/s^2 or m/s^2], (DRAWS, m); empty without steps."""
     rng, draws = np.random.default_rng(seed), DRAWS if problem.count > 0.0 else 0
-    rows = [
-        [
-            (
-                with_error(s, _rounding(s, problem.count, (k + rng.uniform()) / DRAWS)).acceleration
-                - s.acceleration
-            )[s.judged]
-            for s in problem.stretches
-        ]
-        for k in range(draws)
+    rows = []
+    for k in range(draws):
+        pairs = zip(_round_again(problem, k, rng), problem.stretches, strict=True)
+        rows.append(np.concatenate([(r.acceleration - s.acceleration)[s.judged] for r, s in pairs]))
+    return np.array(rows)
+
+
+def _round_again(problem: TorqueProblem, k: int, rng: np.random.Generator) -> list[Stretch]:
+    """Return the stretches rounded once more, at phases of the k-th part of a step."""
+    phases = [(k + rng.uniform()) / DRAWS for _ in problem.stretches]
+    return [
+        with_error(s, _rounding(s, problem.count, phase))
+        for s, phase in zip(problem.stretches, phases, strict=True)
     ]
-    return np.array([np.concatenate(row) for row in rows])
 
 
 def _rounding(s: Stretch, step: float, phase: float) -> np.ndarray:

@@ -20,11 +20,10 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.errors import InvalidInput
-from backdrive.identification.dynamic.fit import Fit
+from backdrive.identification.dynamic.fit import Fit, with_numbers
 from backdrive.identification.dynamic.unknowns import LawShape
 from backdrive.identification.options import Options
 from backdrive.laws.direction import BACKWARD, law_by_direction
-from backdrive.model import Covariance
 
 ALIKE = ("_negative", "_positive")  # suffixes of parameters in laws with both directions
 
@@ -70,7 +69,7 @@ def average_directions(fit: Fit) -> Fit:
     Args:
         fit: with its covariance.
     """
-    shape, covariance = fit.problem.shape, fit.covariance
+    covariance = fit.covariance
     if covariance is None or fit.at_bound or fit.interrupted:
         return fit
     names = list(covariance.names)
@@ -88,23 +87,8 @@ def average_directions(fit: Fit) -> Fit:
     p = 1.0 / (1.0 + math.exp(-max(log_odds, -500.0)))
     pull = np.linalg.solve(V, D @ C).T
     u = pull @ d
-    values = dict(zip(names, (x - p * u).tolist(), strict=True))
     matrix = C - p * pull @ D @ C + p * (1.0 - p) * np.outer(u, u)
-    errors = dict(zip(names, np.sqrt(np.diag(matrix)).tolist(), strict=True))
-    values, errors = {**fit.values, **values}, {**fit.standard_errors, **errors}
-    problem = fit.problem
-    if not all(
-        problem.lower[i] < u.inward(values[u.name]) < problem.upper[i] for i, u in enumerate(problem.unknowns)
-    ):
-        return fit
-    return replace(
-        fit,
-        law=shape.law(values),
-        values=shape.complete(values),
-        standard_errors=shape.complete(errors),
-        covariance=Covariance.of(names, matrix),
-        found=replace(fit.found, point=problem.point(values)),
-    )
+    return with_numbers(fit, names, x - p * u, matrix, np.sqrt(np.diag(matrix))) or fit
 
 
 def gain(one: Fit, velocity: np.ndarray) -> float:

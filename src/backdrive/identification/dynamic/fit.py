@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -239,6 +239,34 @@ def conclude(
         problem=problem,
         found=found,
         loss=loss,
+    )
+
+
+def with_numbers(
+    fit: Fit, names: Sequence[str], numbers: np.ndarray, covariance: np.ndarray, errors: np.ndarray
+) -> Fit | None:
+    """Return a fit with other numbers than those at the end of its search; None where one is outside of its range.
+
+    Args:
+        fit: whose other numbers stay.
+        names: of the numbers.
+        numbers: (n,) [SI].
+        covariance: of them, (n, n).
+        errors: their standard errors, (n,).
+    """
+    problem = fit.problem
+    values = {**fit.values, **dict(zip(names, numbers.tolist(), strict=True))}
+    known = {**fit.standard_errors, **dict(zip(names, errors.tolist(), strict=True))}
+    limits = zip(problem.unknowns, problem.lower, problem.upper, strict=True)
+    if not all(low < u.inward(values[u.name]) < high for u, low, high in limits):
+        return None
+    return replace(
+        fit,
+        law=problem.shape.law(values),
+        values=problem.shape.complete(values),
+        standard_errors=problem.shape.complete(known),
+        covariance=Covariance.of(names, covariance),
+        found=replace(fit.found, point=problem.point(values)),
     )
 
 

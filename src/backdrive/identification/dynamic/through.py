@@ -9,12 +9,11 @@ import numpy as np
 
 from backdrive.identification.crossing_fit import through_crossings
 from backdrive.identification.crossing_search import FAST, Estimate
-from backdrive.identification.dynamic.fit import Fit
+from backdrive.identification.dynamic.fit import Fit, with_numbers
 from backdrive.identification.dynamic.torque import TorqueProblem
 from backdrive.identification.motion_error import MotionError
 from backdrive.identification.signals import Signals
 from backdrive.laws import CoulombViscous, Rigid
-from backdrive.model import Covariance
 
 
 def with_crossings(fit: Fit, stretches: Sequence[Signals], error: MotionError) -> Fit:
@@ -49,19 +48,5 @@ def with_crossings(fit: Fit, stretches: Sequence[Signals], error: MotionError) -
     found = through_crossings(stretches, error.of_sample, first)
     if found is None:
         return fit
-    values = dict(zip(order, found.values.tolist(), strict=True))
-    errors = dict(zip(order, found.errors.tolist(), strict=True))
-    inside = all(
-        problem.lower[i] < u.inward(values[u.name]) < problem.upper[i] for i, u in enumerate(problem.unknowns)
-    )
-    if not inside:
-        return fit
-    return replace(
-        fit,
-        law=problem.shape.law(values),
-        values=problem.shape.complete(values),
-        standard_errors=problem.shape.complete(errors),
-        covariance=Covariance.of(order, found.covariance),
-        found=replace(fit.found, point=problem.point(values)),
-        through=True,
-    )
+    one = with_numbers(fit, order, found.values, found.covariance, found.errors)
+    return fit if one is None else replace(one, through=True)
