@@ -1,82 +1,161 @@
-"""What the encoder's rounding does to a fit of torque: it takes from the inertia, and hides what is told of the delay.
+"""What the measured motion does to a fit of torque: its rounding and its low pass mislead inertia and delay.
 
-    x += (J'WJ - S)^-1 g,     S = mean of E'WE,     g = mean of E'W r
+    f += (F - S)^-1 (g - Z'r),   o -= A^+ (r + D df),   Z = c (D - A (cA)^+ cD),   F = Z'D
 
-J, W: derivatives of the residuals by the search coordinates x, and their weights; E, r: what rounding adds to the derivatives and
-to the residuals, by draws (W. Fuller, Measurement Error Models, 1987, Sec. 1.2). The motion is rounded once more at a random phase
-and low-passed; E has its acceleration for the inertia, and minus the rate of change of r for the delay; averaged and whitened like
-the residuals. Where viscous friction outweighs inertia, a delay is told apart from an inertia by the jerk alone, of which rounding
-is a much larger share than of the acceleration: then a little less inertia looks like a torque that is much too early.
+r: residuals; D, A: their derivatives by the fast coordinates f, inertia and delay, and by the others o, each row times the root of
+its weight; c: 1 for samples that are clear of reversals, else 0. The fast coordinates are told by the instruments Z, the others by
+all samples (R. Davidson & J. MacKinnon, Estimation and Inference in Econometrics, 1993, Sec. 7.4). Where the low pass of the motion
+had to be lowered for the encoder, it takes most of the jump that friction makes of the acceleration at a reversal: c leaves out
+what is nearer than `REACH` over its cutoff. With it, a torque in time looks early, and the inertia small. Otherwise c = 1.
 
-The errors grow likewise, to A C A' with A = (J'WJ - S)^-1 J'WJ and the covariance C. Where rounding is nearly all that a direction
-has, it is taken as `MOST` of it, so that the errors stay finite. The numbers stay where a change would be more than the linear step
-may claim.
+    S = mean of E'cE,     g = mean of E'c e
+
+E, e: what rounding adds to the fast derivatives and to the residuals, by draws (W. Fuller, Measurement Error Models, 1987, Sec.
+1.2). The motion is rounded once more at a random phase and low-passed; E has its acceleration for the inertia, and minus the rate
+of change of e for the delay; averaged and whitened like the residuals. Where viscous friction outweighs inertia, a delay is told
+apart from an inertia by the jerk alone, of which rounding is a much larger share than of the acceleration: then a little less
+inertia looks like a torque that is much too early. Where rounding is nearly all that a direction has, it is taken as `MOST` of
+it, so that the errors stay finite.
+
+The errors are those of the derivatives A and A A^+ D + Z (1 - F^-1 S). The numbers stay where a change would be more than the
+linear step may claim.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
-from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.fit import NEAR, Fit, conclude
+from backdrive.identification.dynamic.rounding import of_rounding
 from backdrive.identification.dynamic.search import Search, SearchResult
-from backdrive.identification.dynamic.stretch import Stretch, with_error
-from backdrive.identification.dynamic.torque import DRAWS, TorqueProblem
+from backdrive.identification.dynamic.stretch import near_reversals
+from backdrive.identification.dynamic.torque import TorqueProblem
+from backdrive.identification.signals import default_cutoff
 
+FAST = "inertia", "delay"  # told by fast changes, to which the errors of the motion belong
+REACH = 1.5  # distance from a reversal within which a low pass misleads, by its cutoff [-]
+TOLD = 0.05  # least share of what tells a fast direction that has to be clear of reversals [-]
 FELT = 0.01  # share of what determines a direction below which rounding is not felt [-]
 MOST = 0.9  # largest part of what determines a direction that is taken as noise [-]
 LARGE = 0.3  # the same for the inertia alone [-]
-FARTHEST = 2.0  # largest change of a number besides inertia and delay [standard error]
+FARTHEST = 4.0  # largest change of a number besides inertia and delay [standard error]
 WORSE = 1.02  # largest cost, relative to that of the fit [-]
 FLAT = 1e-14  # least curvature of a direction, relative to the largest [-]
+SINGULAR = 1e-8  # singular value below which a direction is not determined, relative to the largest [-]
 
 
-def restore_inertia(fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None = None) -> Fit | None:
-    """Return a fit of torque with what rounding took from inertia and delay given back, and with the errors that it leaves.
+def restore_inertia(
+    fit: Fit,
+    whiten: Callable[[np.ndarray], np.ndarray] | None = None,
+    clear: np.ndarray | None = None,
+) -> Fit | None:
+    """Return a fit of torque with what the measured motion took from inertia and delay given back, and the errors that it leaves.
 
     Args:
         fit: to all samples that count, or to their whitened means.
         whiten: what its search did to the residuals, (..., m); None: nothing.
+        clear: which of its residuals are clear of reversals, (n,); None: by the samples.
 
     Returns:
-        The fit, the same where rounding is not felt or the inertia is known; None if rounding determines the inertia to more
-        than `LARGE`.
+        The fit, the same where nothing is felt; None if rounding determines the inertia to more than `LARGE`.
     """
     problem, found = fit.problem, fit.found
-    left = found.interrupted or fit.at_bound or "inertia" not in problem.names
-    if left or not isinstance(problem, TorqueProblem) or not problem.count > 0.0:
+    if found.interrupted or fit.at_bound or not isinstance(problem, TorqueProblem):
         return fit
     errors = np.array([fit.standard_errors[name] for name in problem.names])
     free = (found.point > problem.lower + NEAR) & (found.point < problem.upper - NEAR)
     free &= np.isfinite(found.jacobian).all(axis=0) & np.isfinite(errors) & (errors > 0.0)
-    at = problem.names.index("inertia")
-    if not free[at]:
+    fast = free & np.isin(problem.names, FAST)
+    clear = clear_of_reversals(fit, REACH) if clear is None else clear
+    if not fast.any() or not (problem.count > 0.0 or not clear.all()):
         return fit
-    J, block = found.jacobian[:, free], np.ix_(free, free)
-    H = J.T @ (found.weight[:, None] * J)
-    size = np.sqrt(np.diag(H))
-    value, vector = np.linalg.eigh(H / np.outer(size, size))
-    curved = np.sqrt(np.maximum(value, FLAT * value[-1]))
-    ways = vector / curved / size[:, None]  # along each of which the cost rises alike
-    S, g = _of_rounding(fit, whiten, lambda S: float(np.linalg.eigvalsh(ways.T @ S[block] @ ways)[-1]))
-    share, turn = np.linalg.eigh(ways.T @ S[block] @ ways)
-    k = int(np.count_nonzero(free[:at]))
-    if share[-1] <= FELT:
+    root = np.sqrt(found.weight)[:, None]
+    A, D, r = (
+        found.jacobian[:, free & ~fast] * root,
+        found.jacobian[:, fast] * root,
+        found.residual * root[:, 0],
+    )
+    clear, Z = _instruments(A, D, clear)
+    F = Z.T @ Z  # = Z'D
+    size = np.sqrt(np.diag(F))
+    value, vector = np.linalg.eigh(F / np.outer(size, size))
+    ways = (
+        vector / np.sqrt(np.maximum(value, FLAT)) / size[:, None]
+    )  # along each of which the cost rises alike
+    S, g = of_rounding(fit, whiten, fast, clear, lambda S: bool(_largest(ways, S) > 0.1 * FELT))
+    share, turn = np.linalg.eigh(ways.T @ S @ ways)
+    if share[-1] <= FELT and clear.all():
         return fit
-    if S[at, at] * float(ways[k] @ ways[k]) > LARGE:
+    of_inertia = np.array(problem.names)[fast] == "inertia"
+    if np.any(np.diag(S)[of_inertia] * np.sum(ways[of_inertia] ** 2, axis=1) > LARGE):
         return None
     ways = ways @ turn
-    restored = ways / (1.0 - np.minimum(share, MOST))  # times ways.T: (J'WJ - S)^-1
-    move, grown = np.zeros_like(found.point), np.eye(len(found.point))
-    move[free], grown[block] = restored @ (ways.T @ g[free]), restored @ ways.T @ H
-    return conclude(problem, _shift(fit, whiten, move, errors), fit.loss, whiten, grown)
+    left = 1.0 - np.minimum(share, MOST)
+    move, told = np.zeros_like(found.point), found.jacobian.copy()
+    move[fast] = ways / left @ ways.T @ (g - Z.T @ r)
+    move[free & ~fast] = -_solve(A, r + D @ move[fast])
+    told[:, fast] = (A @ _solve(A, D) + Z @ (ways * left) @ np.linalg.inv(ways)) / root
+    return conclude(problem, _shift(fit, whiten, move, errors, clear), fit.loss, whiten, told)
+
+
+def clear_of_reversals(fit: Fit, reach: float) -> np.ndarray:
+    """Return which samples that count are farther from a reversal than a lowered low pass reaches, (m,).
+
+    Args:
+        fit: of a `TorqueProblem`.
+        reach: of the low pass, by its cutoff [-].
+    """
+    problem, late = fit.problem, fit.values.get("delay", 0.0)
+    assert isinstance(problem, TorqueProblem)
+    rows = []
+    for s in problem.stretches:
+        samples = math.ceil(reach / ((s.cutoff or default_cutoff(1.0 / s.dt)) * s.dt))
+        rows.append(~near_reversals(s, samples, late / s.dt)[s.judged])
+    return np.concatenate(rows)
+
+
+def _instruments(A: np.ndarray, D: np.ndarray, clear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the rows that tell the fast coordinates, (m,), and their instruments, 0 in others, (m, k).
+
+    Args:
+        A: derivatives by the other coordinates, (m, p).
+        D: by the fast ones, (m, k).
+        clear: rows that are clear of reversals, (m,). Where they tell too little, all rows do.
+    """
+    whole = D - A @ _solve(A, D)
+    if clear.all():
+        return clear, whole
+    Z = np.zeros_like(D)
+    Z[clear] = D[clear] - A[clear] @ _solve(A[clear], D[clear])
+    size = np.linalg.norm(whole, axis=0)
+    told = np.linalg.eigvals(
+        np.linalg.solve(whole.T @ whole / np.outer(size, size), Z.T @ Z / np.outer(size, size))
+    )
+    return (clear, Z) if np.min(told.real) > TOLD else (np.ones_like(clear), whole)
+
+
+def _largest(ways: np.ndarray, S: np.ndarray) -> float:
+    """Return the largest share of S in what tells the fast coordinates [-]."""
+    return float(np.linalg.eigvalsh(ways.T @ S @ ways)[-1])
+
+
+def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the least-squares solution of A x = b; directions that A does not determine stay 0."""
+    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
+    x = np.linalg.lstsq(A / size, b, rcond=SINGULAR)[0]
+    return (x.T / size).T
 
 
 def _shift(
-    fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None, move: np.ndarray, errors: np.ndarray
+    fit: Fit,
+    whiten: Callable[[np.ndarray], np.ndarray] | None,
+    move: np.ndarray,
+    errors: np.ndarray,
+    clear: np.ndarray,
 ) -> SearchResult:
     """Return the end of a search at another point; the same where that is too far, at a bound, or fits worse.
 
@@ -85,6 +164,7 @@ def _shift(
         whiten: what the search did to the residuals; None: nothing.
         move: of its point, (P,).
         errors: standard errors of the fit, (P,).
+        clear: rows that tell inertia and delay, (m,).
     """
     problem, found = fit.problem, fit.found
     point, moves = found.point + move, move != 0.0
@@ -92,7 +172,7 @@ def _shift(
     far = [
         abs(m * u.slope(fit.values[u.name])) > FARTHEST * e
         for m, u, e in zip(move, problem.unknowns, errors, strict=True)
-        if m and u.name not in ("inertia", "delay")
+        if m and u.name not in FAST
     ]
     if any(far) or np.any(moves & ((point <= low) | (point >= high))):
         return found
@@ -103,79 +183,8 @@ def _shift(
         loss=fit.loss,
     )
     residual = search.evaluate(point[None])[0]
-    if not search.cost(residual, search.scale(found.residual)) <= WORSE * found.cost:
+    sigma = search.scale(found.residual)
+    if not search.cost(residual[clear], sigma) <= WORSE * search.cost(found.residual[clear], sigma):
         return found
     after = replace(search.at(point, residual), instants=found.instants, independent=found.independent)
     return replace(after, converged=found.converged, evaluations=found.evaluations + search.evaluations)
-
-
-def _of_rounding(
-    fit: Fit, whiten: Callable[[np.ndarray], np.ndarray] | None, share: Callable[[np.ndarray], float]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return what rounding adds to the normal equations, S, (P, P), and to their right-hand side, g, (P,).
-
-    Args:
-        fit: of a `TorqueProblem`.
-        whiten: what its search did to the residuals; None: nothing.
-        share: largest share of S in what determines the fit: a first draw tells whether rounding is felt at all.
-    """
-    problem, weight = fit.problem, fit.found.weight
-    assert isinstance(problem, TorqueProblem)
-    at, late = [problem.values(fit.found.point)], fit.values.get("delay", 0.0)
-    before, rng = problem.predict(at), np.random.default_rng(0)
-    S, g = np.zeros((len(problem.names),) * 2), np.zeros(len(problem.names))
-    for k in range(DRAWS):
-        rounded = _round_again(problem, k, rng)
-        changes = [x[0] - y[0] for x, y in zip(problem.predict(at, rounded), before, strict=True)]
-        series = {"": changes}
-        series["inertia"] = [
-            earlier(r.acceleration - s.acceleration, late / s.dt)
-            for r, s in zip(rounded, problem.stretches, strict=True)
-        ]
-        if "delay" in problem.names:
-            series["delay"] = [-np.gradient(x, s.dt) for x, s in zip(changes, problem.stretches, strict=True)]
-        rows = np.array(
-            [
-                np.concatenate([x[s.judged] for x, s in zip(each, problem.stretches, strict=True)])
-                for each in series.values()
-            ]
-        )
-        rows = rows if whiten is None else whiten(rows)
-        E = np.zeros((len(problem.names), rows.shape[1]))
-        for name, row in zip(list(series)[1:], rows[1:], strict=True):
-            i = problem.names.index(name)
-            E[i] = row * problem.unknowns[i].slope(fit.values[name])
-        S += (E * weight) @ E.T / DRAWS
-        g += (E * weight) @ rows[0] / DRAWS
-        if k == 0 and share(DRAWS * S) < 0.1 * FELT:
-            break
-    return S, g
-
-
-def false_acceleration(problem: TorqueProblem, seed: int = 0) -> np.ndarray:
-    """Return the acceleration that the encoder's rounding looks like [rad/s^2 or m/s^2], (DRAWS, m); empty without steps."""
-    rng, draws = np.random.default_rng(seed), DRAWS if problem.count > 0.0 else 0
-    rows = []
-    for k in range(draws):
-        pairs = zip(_round_again(problem, k, rng), problem.stretches, strict=True)
-        rows.append(np.concatenate([(r.acceleration - s.acceleration)[s.judged] for r, s in pairs]))
-    return np.array(rows)
-
-
-def _round_again(problem: TorqueProblem, k: int, rng: np.random.Generator) -> list[Stretch]:
-    """Return the stretches rounded once more, at phases of the k-th part of a step."""
-    phases = [(k + rng.uniform()) / DRAWS for _ in problem.stretches]
-    return [
-        with_error(s, _rounding(s, problem.count, phase))
-        for s, phase in zip(problem.stretches, phases, strict=True)
-    ]
-
-
-def _rounding(s: Stretch, step: float, phase: float) -> np.ndarray:
-    """Return the error of a position that is rounded to steps which begin at a phase [step], (n,).
-
-    The motion comes from rounded positions, whose phase rounding hardly changes it, and the opposite one changes most: so
-    phases are drawn from all of a step alike.
-    """
-    path = (np.cumsum(s.dp) if s.position is None else s.position) / step + phase
-    return step * (np.round(path) - path)

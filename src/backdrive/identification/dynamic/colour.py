@@ -16,8 +16,9 @@ import numpy as np
 
 from backdrive.identification import regression
 from backdrive.identification.agreement import agree
-from backdrive.identification.dynamic.attenuation import false_acceleration, restore_inertia
+from backdrive.identification.dynamic.attenuation import FAST, clear_of_reversals, restore_inertia
 from backdrive.identification.dynamic.fit import Fit, conclude
+from backdrive.identification.dynamic.rounding import false_acceleration
 from backdrive.identification.dynamic.search import Search
 from backdrive.identification.dynamic.torque import DRAWS, TorqueProblem
 from backdrive.identification.terms import RIGID
@@ -36,9 +37,9 @@ FILLED = 0.75  # least share of the samples of a bin that count [-]
 FEWEST = 100  # least number of bins
 LEAST = 0.3  # correlation of neighbouring bins below which the noise is taken as white [-]
 ROUNDED = 0.8  # largest share of uncorrelated residuals' mean square that is taken as rounding [-]
+REACH = 1.0  # distance from a reversal within which a low pass misleads the mean of most of a bin, by its cutoff [-]
 ITERATIONS = 40  # largest number of iterations, which begin at the first fit
 WORTH = 0.95  # largest median of the friction's standard errors relative to those of the first fit [-]
-FAST = "inertia", "delay"  # told by fast changes, to which the encoder's errors belong
 
 
 def whiten_noise(fit: Fit, seconds: float) -> Fit:
@@ -78,7 +79,8 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
     second = conclude(problem, found, fit.loss, white_means)
     if not found.converged or second.at_bound != fit.at_bound:
         return fit
-    second = restore_inertia(second, white_means)
+    clear = average(clear_of_reversals(fit, REACH) - 0.5) > 0.0
+    second = restore_inertia(second, white_means, clear)
     if second is None or not _agrees(fit, second, bool(colour.rounding)):
         return fit
     plain = np.concatenate(second.errors())

@@ -157,7 +157,7 @@ def conclude(
     found: SearchResult,
     loss: str = "huber",
     whiten: Callable[[np.ndarray], np.ndarray] | None = None,
-    grown: np.ndarray | None = None,
+    told: np.ndarray | None = None,
 ) -> Fit:
     """Return the fit at the end of a search: values, errors, parameters at a bound and parameters not determined.
 
@@ -166,15 +166,15 @@ def conclude(
         found: end of the search.
         loss: of the search.
         whiten: what the search did to the residuals, (..., m); None: nothing.
-        grown: what the covariance is multiplied by from the left, and transposed from the right, (P, P); None: nothing.
+        told: derivatives of the residuals whose least squares have the errors of the numbers, (m, P); None: those of the search.
     """
     before, found = found, problem.sort_elements(found)
-    grown = grown if found is before else None  # of other rows
+    told = found.jacobian if told is None or found is not before else told
     values = problem.values(found.point)
     low, inputs = found.point <= problem.lower + NEAR, problem.encoder(found.point)
     at_bound = low | (found.point >= problem.upper - NEAR)
     cov = search_covariance(
-        found.jacobian,
+        told,
         found.residual,
         found.weight,
         ~at_bound,
@@ -182,11 +182,7 @@ def conclude(
         inputs if whiten is None else whiten(inputs),
         found.independent,
     )
-    matrix = cov.matrix.copy()
-    if grown is not None:
-        told = np.ix_(*2 * [np.isfinite(np.diag(matrix))])
-        matrix[told] = grown[told] @ matrix[told] @ grown[told].T
-    matrix += _between_samples(problem, found, matrix)
+    matrix = cov.matrix + _between_samples(problem, found, cov.matrix)
     root = np.sqrt(np.diag(matrix))
     errors, relative = {}, np.full(len(root), np.inf)
     slope = np.array([u.slope(values[u.name]) for u in problem.unknowns])

@@ -114,6 +114,22 @@ def with_error(s: Stretch, e: np.ndarray) -> Stretch:
     )
 
 
+def near_reversals(s: Stretch, reach: int, late: float = 0.0) -> np.ndarray:
+    """Return which samples are at most so many samples from a reversal, (n,).
+
+    Args:
+        s: the stretch.
+        reach: distance [sample].
+        late: delay of the torque behind the motion [sample].
+    """
+    way = np.sign(earlier(s.velocity, float(round(late))))
+    turns = np.flatnonzero(way[1:] != way[:-1])
+    edges = np.zeros(len(way) + 1, dtype=int)
+    np.add.at(edges, np.maximum(turns + 1 - reach, 0), 1)
+    np.add.at(edges, np.minimum(turns + 1 + reach, len(way)), -1)
+    return np.cumsum(edges[:-1]) > 0
+
+
 def moving(s: Stretch, slowest: float, late: float = 0.0) -> Stretch:
     """Return a stretch in which slow samples, reversals and their neighbours do not count.
 
