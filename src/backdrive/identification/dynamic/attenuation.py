@@ -4,9 +4,9 @@
 
 r: residuals; D, A: their derivatives by the fast coordinates f, inertia and delay, and by the others o, each row times the root of
 its weight; c: 1 for samples that are clear of reversals, else 0. The fast coordinates are told by the instruments Z, the others by
-all samples (R. Davidson & J. MacKinnon, Estimation and Inference in Econometrics, 1993, Sec. 7.4). Where the low pass of the motion
-had to be lowered for the encoder, it takes most of the jump that friction makes of the acceleration at a reversal: c leaves out
-what is nearer than `REACH` over its cutoff. With it, a torque in time looks early, and the inertia small. Otherwise c = 1.
+all samples (R. Davidson & J. MacKinnon, Estimation and Inference in Econometrics, 1993, Sec. 7.4). At a reversal friction jumps,
+and the acceleration with it; of that jump the low pass of the motion takes most, as far as `REACH` over its cutoff. With these
+samples a torque in time looks early, and the inertia small. Where the others tell too little, c = 1.
 
     S = mean of E'cE,     g = mean of E'c e
 
@@ -29,6 +29,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backdrive.identification.dynamic.covariance import inverse
 from backdrive.identification.dynamic.fit import NEAR, Fit, conclude
 from backdrive.identification.dynamic.rounding import of_rounding
 from backdrive.identification.dynamic.search import Search, SearchResult
@@ -45,7 +46,6 @@ LARGE = 0.3  # the same for the inertia alone [-]
 FARTHEST = 4.0  # largest change of a number besides inertia and delay [standard error]
 WORSE = 1.02  # largest cost, relative to that of the fit [-]
 FLAT = 1e-14  # least curvature of a direction, relative to the largest [-]
-SINGULAR = 1e-8  # singular value below which a direction is not determined, relative to the largest [-]
 
 
 def restore_inertia(
@@ -74,18 +74,13 @@ def restore_inertia(
     if not fast.any() or not (problem.count > 0.0 or not clear.all()):
         return fit
     root = np.sqrt(found.weight)[:, None]
-    A, D, r = (
-        found.jacobian[:, free & ~fast] * root,
-        found.jacobian[:, fast] * root,
-        found.residual * root[:, 0],
-    )
+    A, D = found.jacobian[:, free & ~fast] * root, found.jacobian[:, fast] * root
+    r = found.residual[:, None] * root
     clear, Z = _instruments(A, D, clear)
     F = Z.T @ Z  # = Z'D
     size = np.sqrt(np.diag(F))
     value, vector = np.linalg.eigh(F / np.outer(size, size))
-    ways = (
-        vector / np.sqrt(np.maximum(value, FLAT)) / size[:, None]
-    )  # along each of which the cost rises alike
+    ways = vector / np.sqrt(np.maximum(value, FLAT)) / size[:, None]  # the cost rises alike along each
     S, g = of_rounding(fit, whiten, fast, clear, lambda S: bool(_largest(ways, S) > 0.1 * FELT))
     share, turn = np.linalg.eigh(ways.T @ S @ ways)
     if share[-1] <= FELT and clear.all():
@@ -96,14 +91,14 @@ def restore_inertia(
     ways = ways @ turn
     left = 1.0 - np.minimum(share, MOST)
     move, told = np.zeros_like(found.point), found.jacobian.copy()
-    move[fast] = ways / left @ ways.T @ (g - Z.T @ r)
-    move[free & ~fast] = -_solve(A, r + D @ move[fast])
+    move[fast] = ways / left @ ways.T @ (g - (Z.T @ r)[:, 0])
+    move[free & ~fast] = -_solve(A, r + D @ move[fast, None])[:, 0]
     told[:, fast] = (A @ _solve(A, D) + Z @ (ways * left) @ np.linalg.inv(ways)) / root
     return conclude(problem, _shift(fit, whiten, move, errors, clear), fit.loss, whiten, told)
 
 
 def clear_of_reversals(fit: Fit, reach: float) -> np.ndarray:
-    """Return which samples that count are farther from a reversal than a lowered low pass reaches, (m,).
+    """Return which samples that count are farther from a reversal than a low pass reaches, (m,).
 
     Args:
         fit: of a `TorqueProblem`.
@@ -143,11 +138,10 @@ def _largest(ways: np.ndarray, S: np.ndarray) -> float:
     return float(np.linalg.eigvalsh(ways.T @ S @ ways)[-1])
 
 
-def _solve(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the least-squares solution of A x = b; directions that A does not determine stay 0."""
+def _solve(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+    """Return the least-squares solution of A x = B, (p, k)."""
     size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    x = np.linalg.lstsq(A / size, b, rcond=SINGULAR)[0]
-    return (x.T / size).T
+    return inverse(A.T @ A / np.outer(size, size)) @ (A.T @ B / size[:, None]) / size[:, None]
 
 
 def _shift(
