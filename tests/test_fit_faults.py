@@ -100,7 +100,7 @@ def test_encoder_steps_lower_the_low_pass_and_spare_the_inertia(told):
     result = identify(log, law="stribeck-gauss")
     (friction,) = result.model.joints
     assert friction.dynamics["inertia"].value == pytest.approx(INERTIA, rel=0.03)
-    assert friction.law.rate.breakaway == pytest.approx(1.6, rel=0.05)
+    assert friction.law.rate.breakaway == pytest.approx(1.6, rel=0.1)  # stated: 1.5 +- 0.2
     assert any("--cutoff" in note for note in result.notes)
     assert result.model.options["settings"]["j"]["cutoff"] < 30.0
 

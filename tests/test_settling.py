@@ -63,7 +63,7 @@ def friction_of(seed: int, **options: float) -> JointFriction:
 def scores(name: str, truth: float, **options) -> np.ndarray:
     """Return errors of a number over several logs, by its stated error."""
     made = []
-    for seed in range(6):
+    for seed in range(4):
         friction = friction_of(seed, **options)
         if name in friction.dynamics:
             estimate = friction.dynamics[name]

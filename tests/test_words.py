@@ -1,6 +1,7 @@
 """Names are nouns and verbs of the field; the rules are those of the evidence program `words`."""
 
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "evidence"))
 import _words_rules as rules
 
 SOURCE = Path(backdrive.__file__).parent
+offences = cache(lambda: rules.offences(SOURCE))
 
 
 #: Rooms whose names are not given yet; an entry that is done fails, so that it is taken out.
@@ -25,7 +27,7 @@ ROOMS = sorted({name.place.split("/")[0] if "/" in name.place else "." for name 
 def test_no_file_class_or_function_is_named_by_a_participle(room):
     found = [
         f"{name.kind} {name.name} in {name.place}"
-        for name, _ in rules.offences(SOURCE)
+        for name, _ in offences()
         if (name.place.split("/")[0] if "/" in name.place else ".") == room
     ]
     assert found == []
