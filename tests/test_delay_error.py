@@ -27,8 +27,8 @@ def _log(seed: int) -> Log:
 def test_the_error_of_a_delay_covers_it_under_coloured_noise():
     slips = [
         identify_motion([_log(seed)], "joint", law="coulomb-viscous")[0].dynamics["time_slip"]
-        for seed in range(16)
+        for seed in range(20)
     ]
     z = np.array([slip.value / slip.standard_error for slip in slips])
-    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.25
-    assert np.mean(np.abs(z) > 1.96) <= 0.19
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.3
+    assert np.mean(np.abs(z) > 1.96) <= 0.15
