@@ -241,10 +241,29 @@ def test_fast_numbers_are_told_away_from_reversals_and_others_by_all_samples():
     assert rows is clear and not Z[~clear].any()
     both = np.linalg.lstsq(np.hstack([A, D + A[:, :2]])[clear], r[clear], rcond=None)[0]
     assert np.linalg.solve(Z.T @ Z, Z.T @ r) == pytest.approx(both[3:])
+    whole = D - A @ np.linalg.lstsq(A, D, rcond=None)[0]
     few = np.zeros(300, dtype=bool)
-    few[:8] = True  # they tell nearly nothing
-    rows, Z = attenuation._instruments(A, D, few)
-    assert rows.all() and pytest.approx(D - A @ np.linalg.lstsq(A, D, rcond=None)[0]) == Z
+    for count in (0, 1, 4):  # they tell nothing
+        few[:count] = True
+        rows, Z = attenuation._instruments(A, D, few)
+        assert rows.all() and pytest.approx(whole) == Z
+    rows, Z = attenuation._instruments(np.where(clear[:, None], A * [1.0, 1.0, 0.0], A), D, clear)
+    both = np.linalg.lstsq(np.hstack([A[:, :2], D])[clear], r[clear], rcond=None)[0]
+    assert np.linalg.solve(Z.T @ Z, Z.T @ r) == pytest.approx(
+        both[2:]
+    )  # what acts at reversals alone tells none
+    rows, Z = attenuation._instruments(A[:, :0], D, clear)
+    assert pytest.approx(np.where(clear[:, None], D, 0.0)) == Z
+
+
+@pytest.mark.parametrize("law", ["coulomb-viscous+elastoplastic", "coulomb-viscous+maxwell-slip"])
+def test_laws_that_reversals_tell_have_their_inertia_told_elsewhere(law):
+    joint = identify(log_of(0, colour=0.0, noise=0.03, truth=VISCOUS), law=law, symmetric=True).model.joints[
+        0
+    ]
+    delay, inertia = joint.dynamics["delay"], joint.dynamics["inertia"]
+    assert abs(delay.value) < 4.0 * delay.standard_error
+    assert abs(inertia.value - VISCOUS.inertia) < 4.0 * inertia.standard_error
 
 
 def test_samples_near_reversals():

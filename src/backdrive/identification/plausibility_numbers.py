@@ -181,7 +181,9 @@ def speed_gap(case: Case) -> Remark | None:
 
 def unseen_presliding(case: Case) -> Remark | None:
     """Remark on a stiffness whose whole deflection is hardly a step of the encoder."""
-    stiffness = getattr(case.friction.law.element, "stiffness", math.nan)
+    stiffness = float(
+        np.min(getattr(case.friction.law.element, "stiffness", math.nan))
+    )  # of the softest element
     if case.residual is None or not stiffness > 0.0:
         return None
     distance, unit = case.residual.size / stiffness, case.friction.joint.unit
@@ -300,7 +302,8 @@ def external_share(case: Case) -> Remark | None:
     value, error = case.value("model_torque")
     sure = math.isfinite(error)
     if not sure:  # left out or taken as one, and gravity fitted in its place or beside it
-        value = _gravity_share(case) + (0.0 if math.isnan(value) else value)
+        fitted = _gravity_share(case)
+        value = value if math.isnan(fitted) else fitted + (0.0 if math.isnan(value) else value)
     if sure and error > HALF_KNOWN:
         return Remark(
             severity="care",

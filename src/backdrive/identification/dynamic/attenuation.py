@@ -39,12 +39,12 @@ from backdrive.identification.signals import default_cutoff
 
 FAST = "inertia", "delay"  # told by fast changes, to which the errors of the motion belong
 REACH = 1.5  # distance from a reversal within which a low pass misleads, by its cutoff [-]
-TOLD = 0.05  # least share of what tells a fast direction that has to be clear of reversals [-]
+TOLD = 1e-4  # least share of what all rows tell of a fast direction that has to be clear of reversals [-]
 FELT = 0.01  # share of what determines a direction below which rounding is not felt [-]
 MOST = 0.9  # largest part of what determines a direction that is taken as noise [-]
-LARGE = 0.3  # the same for the inertia alone [-]
-FARTHEST = 4.0  # largest change of a number besides inertia and delay [standard error]
-WORSE = 1.02  # largest cost, relative to that of the fit [-]
+LARGE = 0.3  # part of what determines the inertia that may be noise [-]
+FARTHEST = 4.0  # largest change of a number besides inertia and delay, whose own change moves it too [standard error]
+WORSE = 1.02  # largest cost of the rows that are clear, relative to that of the fit or of the linear step [-]
 FLAT = 1e-14  # least curvature of a direction, relative to the largest [-]
 
 
@@ -64,7 +64,7 @@ def restore_inertia(
         The fit, the same where nothing is felt; None if rounding determines the inertia to more than `LARGE`.
     """
     problem, found = fit.problem, fit.found
-    if found.interrupted or fit.at_bound or not isinstance(problem, TorqueProblem):
+    if found.interrupted or not isinstance(problem, TorqueProblem) or not set(FAST).isdisjoint(fit.at_bound):
         return fit
     errors = np.array([fit.standard_errors[name] for name in problem.names])
     free = (found.point > problem.lower + NEAR) & (found.point < problem.upper - NEAR)
@@ -94,7 +94,8 @@ def restore_inertia(
     move[fast] = ways / left @ ways.T @ (g - (Z.T @ r)[:, 0])
     move[free & ~fast] = -_solve(A, r + D @ move[fast, None])[:, 0]
     told[:, fast] = (A @ _solve(A, D) + Z @ (ways * left) @ np.linalg.inv(ways)) / root
-    return conclude(problem, _shift(fit, whiten, move, errors, clear), fit.loss, whiten, told)
+    end = _shift(fit, whiten, move, errors, clear)
+    return conclude(problem, end, fit.loss, whiten, told, move if end is found else None)
 
 
 def clear_of_reversals(fit: Fit, reach: float) -> np.ndarray:
@@ -139,9 +140,13 @@ def _largest(ways: np.ndarray, S: np.ndarray) -> float:
 
 
 def _solve(A: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Return the least-squares solution of A x = B, (p, k)."""
-    size = np.maximum(np.linalg.norm(A, axis=0), 1e-300)
-    return inverse(A.T @ A / np.outer(size, size)) @ (A.T @ B / size[:, None]) / size[:, None]
+    """Return the least-squares solution of A x = B, (p, k); 0 for columns of A that are 0."""
+    size, x = np.linalg.norm(A, axis=0), np.zeros((A.shape[1], B.shape[1]))
+    there = size > 0.0
+    if there.any():
+        A, size = A[:, there], size[there]
+        x[there] = inverse(A.T @ A / np.outer(size, size)) @ (A.T @ B / size[:, None]) / size[:, None]
+    return x
 
 
 def _shift(
@@ -177,8 +182,9 @@ def _shift(
         loss=fit.loss,
     )
     residual = search.evaluate(point[None])[0]
-    sigma = search.scale(found.residual)
-    if not search.cost(residual[clear], sigma) <= WORSE * search.cost(found.residual[clear], sigma):
+    sigma, linear = search.scale(found.residual), found.residual + found.jacobian[:, moves] @ move[moves]
+    before, expected, cost = (search.cost(x[clear], sigma) for x in (found.residual, linear, residual))
+    if not cost <= WORSE * max(before, expected):
         return found
     after = replace(search.at(point, residual), instants=found.instants, independent=found.independent)
     return replace(after, converged=found.converged, evaluations=found.evaluations + search.evaluations)

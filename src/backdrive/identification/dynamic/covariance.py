@@ -156,9 +156,9 @@ def _excess(
         count = max(1, round(BLOCKS * (b - a) / m))
         cuts.append(np.unique(np.linspace(a, b, count + 1).astype(int))[:-1])
     first = np.concatenate(cuts)
-    scatter = np.diag(
-        regression.cluster_covariance(bread, np.add.reduceat(J * score[:, None], first, axis=0))
-    )
+    sums = np.add.reduceat(J * score[:, None], first, axis=0)
+    sums -= np.diff(np.append(first, m))[:, None] / m * sums.sum(axis=0)  # which is 0 at the least cost
+    scatter = np.diag(regression.cluster_covariance(bread, sums))
     share = np.add.reduceat((J @ bread) ** 2, first, axis=0)
     share = share / np.maximum(share.sum(axis=0), 1e-300)
     freedom = 1.0 / np.maximum((share**2).sum(axis=0), 1e-300)

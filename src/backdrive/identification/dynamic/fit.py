@@ -158,6 +158,7 @@ def conclude(
     loss: str = "huber",
     whiten: Callable[[np.ndarray], np.ndarray] | None = None,
     told: np.ndarray | None = None,
+    missed: np.ndarray | None = None,
 ) -> Fit:
     """Return the fit at the end of a search: values, errors, parameters at a bound and parameters not determined.
 
@@ -167,9 +168,10 @@ def conclude(
         loss: of the search.
         whiten: what the search did to the residuals, (..., m); None: nothing.
         told: derivatives of the residuals whose least squares have the errors of the numbers, (m, P); None: those of the search.
+        missed: a change of the point that should have been made, whose square its covariance has, (P,); None: there is none.
     """
     before, found = found, problem.sort_elements(found)
-    told = found.jacobian if told is None or found is not before else told
+    told = found.jacobian if told is None else problem.sort_elements(replace(before, jacobian=told)).jacobian
     values = problem.values(found.point)
     low, inputs = found.point <= problem.lower + NEAR, problem.encoder(found.point)
     at_bound = low | (found.point >= problem.upper - NEAR)
@@ -183,6 +185,7 @@ def conclude(
         found.independent,
     )
     matrix = cov.matrix + _between_samples(problem, found, cov.matrix)
+    matrix += 0.0 if missed is None else np.outer(missed, missed)
     root = np.sqrt(np.diag(matrix))
     errors, relative = {}, np.full(len(root), np.inf)
     slope = np.array([u.slope(values[u.name]) for u in problem.unknowns])

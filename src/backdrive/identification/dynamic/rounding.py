@@ -21,6 +21,8 @@ def of_rounding(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return what rounding adds to the normal equations of the fast coordinates, S, (k, k), and to their right-hand side, g, (k,).
 
+    Both are 0 where rounding is not felt.
+
     Args:
         fit: of a `TorqueProblem`.
         whiten: what its search did to the residuals; None: nothing.
@@ -30,11 +32,13 @@ def of_rounding(
     """
     problem, weight = fit.problem, fit.found.weight
     assert isinstance(problem, TorqueProblem)
-    at, late = [problem.values(fit.found.point)], fit.values.get("delay", 0.0)
-    before, rng = problem.predict(at), np.random.default_rng(0)
     own = [problem.unknowns[i] for i in np.flatnonzero(fast)]
     S, g = np.zeros((len(own),) * 2), np.zeros(len(own))
-    for k in range(DRAWS if problem.count > 0.0 else 0):
+    if not problem.count > 0.0:
+        return S, g
+    at, late = [problem.values(fit.found.point)], fit.values.get("delay", 0.0)
+    before, rng = problem.predict(at), np.random.default_rng(0)
+    for k in range(DRAWS):
         rounded = round_again(problem, k, rng)
         changes = [x[0] - y[0] for x, y in zip(problem.predict(at, rounded), before, strict=True)]
         series = {
@@ -55,7 +59,7 @@ def of_rounding(
         S += (E * (weight * clear)) @ E.T / DRAWS
         g += (E * (weight * clear)) @ rows[0] / DRAWS
         if k == 0 and not felt(DRAWS * S):
-            break
+            return np.zeros_like(S), np.zeros_like(g)
     return S, g
 
 
