@@ -75,6 +75,15 @@ def test_known_torque_has_a_share_of_one(sound):
     assert "a share of 1.67" in sentences[0]
 
 
+def test_a_share_is_named_where_no_errors_are_stated(sound):
+    known = 4.0 * np.sin(2.9 * sound.time)[:, None]  # no gravity
+    few = sound.replace(torque=sound.torque + known, model_torque=0.5 * known).rows(slice(0, 2000))
+    friction = identify(few, method="motion", gravity=False).model.joints[0]
+    assert np.isnan(friction.dynamics["model_torque"].standard_error)
+    (sentence,) = (s for s in friction.warnings if "a share of" in s)
+    assert "a share of 2 where" in sentence or "a share of 2.0" in sentence
+
+
 def test_known_torque_of_the_opposite_sign(sound):
     known = 4.0 * np.sin(sound.position)
     torque = sound.torque + known

@@ -67,11 +67,8 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
         said += f" Its {len(rate.velocity)} knots have standard errors up to {worst:.2g} {unit}."
         said += f" Below {slowest:.3g} {speed} friction is unknown"
         if np.isfinite(found.noise_gain) and not found.symmetric:
-            (up, a), (down, b) = found.constants()
-            said += (
-                f"; the first section meets rest at {up:.3f} +- {1.96 * a:.3f} {unit} along +q and {down:.3f} +- "
-                f"{1.96 * b:.3f} {unit} along -q (95 %)"
-            )
+            (up, _), (down, _) = found.constants()
+            said += f": a straight line from there meets rest at {up:.3g} and {down:.3g} {unit}, a Stribeck peak lies above it"
         said += "."
     if found.symmetric and (constant := constant_beside(friction, NAMED)):
         said += f" {constant}"
