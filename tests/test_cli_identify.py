@@ -56,6 +56,15 @@ def test_below_the_gate_is_exit_code_1_and_files_are_written_all_the_same(folder
     assert (tmp_path / "m.json").exists()
 
 
+def test_what_is_not_credible_is_below_the_gate(folder, tmp_path):
+    log = any_motion(dry, seconds=15.0)
+    fast = 3000.0 * log.position  # no machine is as fast
+    np.savez(tmp_path / "fast.npz", t=log.time, q=fast, tau=log.torque)
+    done = called("identify", tmp_path / "fast.npz", "--gate", "90")
+    assert done.returncode == 1
+    assert "not credible" in done.stdout and "quality gate" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [

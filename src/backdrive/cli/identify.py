@@ -225,11 +225,12 @@ def failing(result: Identification, gate: float) -> list[str]:
 
     The residual is that of held-out data if there are any.
     """
-    from backdrive.identification.quality import credible
+    from backdrive.identification.quality import grade
 
     bad = []
     for j in result.model.joints:
         quality = j.held_out or j.fitted
-        if not credible(j) or (quality is not None and not quality.residual <= gate):
+        above = quality is not None and not quality.residual <= gate
+        if above or grade(j).word == "not credible":
             bad.append(j.joint.name)
     return bad

@@ -2,23 +2,23 @@
 
     f += (F - S)^-1 (g - Z'r),   o -= A^+ (r + D df),   Z = c (D - A (cA)^+ cD),   F = Z'D
 
-r: residuals; D, A: their derivatives by the fast coordinates f, inertia and delay, and by the others o, each row times the root of
-its weight; c: 1 for samples that are clear of reversals, else 0. The fast coordinates are told by the instruments Z, the others by
-all samples (R. Davidson & J. MacKinnon, Estimation and Inference in Econometrics, 1993, Sec. 7.4). At a reversal friction jumps,
-and the acceleration with it; of that jump the low pass of the motion takes most, as far as `REACH` over its cutoff. With these
-samples a torque in time looks early, and the inertia small. Where the others tell too little, c = 1.
+r: residuals; D, A: their derivatives by the fast coordinates f, inertia and delay, and by the others o, each row times the root
+of its weight; ^+: least squares; c: 1 for samples that are clear of reversals, else 0. The fast coordinates are estimated with
+the instruments Z, the others by all samples (R. Davidson & J. MacKinnon, Estimation and Inference in Econometrics, 1993, Sec.
+7.4). At a reversal friction jumps, and the acceleration with it; of that jump the low pass of the motion takes most, as far as
+`REACH` over its cutoff. With those samples, a torque without delay looks early, and the inertia small. Where the clear ones do
+not determine f, c = 1.
 
     S = mean of E'cE,     g = mean of E'c e
 
-E, e: what rounding adds to the fast derivatives and to the residuals, by draws (W. Fuller, Measurement Error Models, 1987, Sec.
-1.2). The motion is rounded once more at a random phase and low-passed; E has its acceleration for the inertia, and minus the rate
-of change of e for the delay; averaged and whitened like the residuals. Where viscous friction outweighs inertia, a delay is told
-apart from an inertia by the jerk alone, of which rounding is a much larger share than of the acceleration: then a little less
-inertia looks like a torque that is much too early. Where rounding is nearly all that a direction has, it is taken as `MOST` of
-it, so that the errors stay finite.
+E, e: what rounding adds to D and r, by draws (W. Fuller, Measurement Error Models, 1987, Sec. 1.2). The motion is rounded once
+more at a random phase and low-passed; E has its acceleration for the inertia, and minus the rate of change of e for the delay;
+averaged and whitened like the residuals. Where viscous friction outweighs inertia, a delay is told apart from an inertia by the
+jerk alone, of which rounding is a much larger share than of the acceleration: then a little less inertia looks like a torque that
+is much too early. Where rounding is nearly all that a direction has, it is taken as `MOST` of it, so that the errors stay finite.
 
-The errors are those of the derivatives A and A A^+ D + Z (1 - F^-1 S). The numbers stay where a change would be more than the
-linear step may claim.
+The errors are those of the derivatives A and A A^+ D + Z (I - F^-1 S), I the identity. The numbers stay where a change would be
+more than the linear step may claim; then the errors have its square.
 """
 
 from __future__ import annotations
@@ -61,7 +61,8 @@ def restore_inertia(
         clear: which of its residuals are clear of reversals, (n,); None: by the samples.
 
     Returns:
-        The fit, the same where nothing is felt; None if rounding determines the inertia to more than `LARGE`.
+        The fit; the same where rounding is not felt and all samples are clear, where inertia or delay are at a bound or neither is
+        fitted, and of an interrupted search; None if rounding determines the inertia to more than `LARGE`.
     """
     problem, found = fit.problem, fit.found
     if found.interrupted or not isinstance(problem, TorqueProblem) or not set(FAST).isdisjoint(fit.at_bound):

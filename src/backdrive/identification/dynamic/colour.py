@@ -37,7 +37,7 @@ FILLED = 0.75  # least share of the samples of a bin that count [-]
 FEWEST = 100  # least number of bins
 LEAST = 0.3  # correlation of neighbouring bins below which the noise is taken as white [-]
 ROUNDED = 0.8  # largest share of uncorrelated residuals' mean square that is taken as rounding [-]
-REACH = 1.0  # distance from a reversal within which a low pass misleads the mean of most of a bin, by its cutoff [-]
+BIN_REACH = 1.0  # distance from a reversal within which a low pass misleads the mean of most of a bin, by its cutoff [-]
 ITERATIONS = 40  # largest number of iterations, which begin at the first fit
 WORTH = 0.95  # largest median of the friction's standard errors relative to those of the first fit [-]
 
@@ -79,7 +79,7 @@ def whiten_noise(fit: Fit, seconds: float) -> Fit:
     second = conclude(problem, found, fit.loss, white_means)
     if not found.converged or second.at_bound != fit.at_bound:
         return fit
-    clear = average(clear_of_reversals(fit, REACH) - 0.5) > 0.0
+    clear = average(clear_of_reversals(fit, BIN_REACH) - 0.5) > 0.0
     second = restore_inertia(second, white_means, clear)
     if second is None or not _agrees(fit, second, bool(colour.rounding)):
         return fit
