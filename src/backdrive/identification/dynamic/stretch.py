@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive.identification.delay import earlier
 from backdrive.identification.dynamics import increments
-from backdrive.identification.signals import Signals, default_cutoff
+from backdrive.identification.signals import Signals, default_cutoff, turns
 from backdrive.laws import REFERENCE
 from backdrive.logs.filters import derivative, low_pass
 
@@ -122,11 +122,11 @@ def near_reversals(s: Stretch, reach: int, late: float = 0.0) -> np.ndarray:
         reach: distance [sample].
         late: delay of the torque behind the motion [sample].
     """
-    way = np.sign(earlier(s.velocity, float(round(late))))
-    turns = np.flatnonzero(way[1:] != way[:-1])
-    edges = np.zeros(len(way) + 1, dtype=int)
-    np.add.at(edges, np.maximum(turns + 1 - reach, 0), 1)
-    np.add.at(edges, np.minimum(turns + 1 + reach, len(way)), -1)
+    velocity = earlier(s.velocity, float(round(late)))
+    after = turns(velocity) + 1
+    edges = np.zeros(len(velocity) + 1, dtype=int)
+    np.add.at(edges, np.maximum(after - reach, 0), 1)
+    np.add.at(edges, np.minimum(after + reach, len(velocity)), -1)
     return np.cumsum(edges[:-1]) > 0
 
 
