@@ -423,7 +423,7 @@ def test_the_words_of_a_sweep():
     assert said.startswith(
         "Friction is 11.3 N.m along +q and 9.7 N.m along -q at 0.5 rad/s, 15.8 and 14.2 N.m at 2 rad/s. Its 4 knots have "
         f"standard errors up to {max(told.error_pos.max(), told.error_neg.max()):.2g} N.m. Below 0.5 rad/s friction is "
-        "unknown: a straight line from there meets rest at 9.8 and 8.2 N.m, a Stribeck peak lies above it."
+        "unknown: a straight line from there meets rest at 9.8 and 8.2 N.m, a Stribeck peak would lie above it."
     )
     assert p > n and "was separated" not in said and said.endswith(f"{told.notes[0]} {EXPLAINS}")
     line = fit([pairs(up(SPEEDS) + 1.5, up(SPEEDS) - 1.5, error=1e-3)], unit="m", name="a")

@@ -68,7 +68,7 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
         said += f" Below {slowest:.3g} {speed} friction is unknown"
         if np.isfinite(found.noise_gain) and not found.symmetric:
             (up, _), (down, _) = found.constants()
-            said += f": a straight line from there meets rest at {up:.3g} and {down:.3g} {unit}, a Stribeck peak lies above it"
+            said += f": a straight line from there meets rest at {up:.3g} and {down:.3g} {unit}, a Stribeck peak would lie above it"
         said += "."
     if found.symmetric and (constant := constant_beside(friction, NAMED)):
         said += f" {constant}"
