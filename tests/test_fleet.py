@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from _commands import called
+from _s3 import served
 from backdrive.errors import BackdriveError, InvalidInput, ModelFileError, ReadError
 from backdrive.fleet import cluster as clusters
 from backdrive.fleet import schema
@@ -436,25 +437,18 @@ def test_commands(results, logs, tmp_path):
 
 
 def test_an_s3_bucket(logs, tmp_path, here, monkeypatch):
-    moto = pytest.importorskip("moto.server")
-    pytest.importorskip("s3fs")
-    import s3fs
-
-    server = moto.ThreadedMotoServer(ip_address="127.0.0.1", port=0)
-    server.start()
-    try:
-        host, port = server.get_host_and_port()
+    s3fs = pytest.importorskip("s3fs")
+    folder = logs / "robot000"
+    objects = {f"logs/robot000/{path.name}": path.read_bytes() for path in folder.iterdir()}
+    with served("plant", objects) as address:
         for name, value in (
-            ("AWS_ENDPOINT_URL", f"http://{host}:{port}"),
+            ("AWS_ENDPOINT_URL", address),
             ("AWS_ACCESS_KEY_ID", "a"),
             ("AWS_SECRET_ACCESS_KEY", "b"),
             ("AWS_DEFAULT_REGION", "us-east-1"),
         ):
             monkeypatch.setenv(name, value)
         s3fs.S3FileSystem.clear_instance_cache()
-        system = s3fs.S3FileSystem()
-        system.mkdir("plant")
-        system.put(str(logs / "robot000"), "plant/logs/robot000", recursive=True)
         outcome = run_fleet("s3://plant/logs", tmp_path / "r")
         assert (outcome.done, outcome.failed) == (4, 0)
         assert run_fleet("s3://plant/logs", tmp_path / "r").done == 0
@@ -463,8 +457,6 @@ def test_an_s3_bucket(logs, tmp_path, here, monkeypatch):
         assert rows[0]["path"] == "s3://plant/logs/robot000/2026-01-30.npz"
         with pytest.raises(ReadError):
             list_logs("s3://nowhere/logs")
-    finally:
-        server.stop()
     with pytest.raises(ReadError, match="no object store"):
         list_logs("http://host/logs")
 
