@@ -3,12 +3,12 @@ import pytest
 
 from backdrive.engine import axis as plant
 from backdrive.errors import InvalidInput, UnknownName
-from backdrive.laws import CoulombViscous, Law
+from backdrive.laws import CoulombViscous, Law, kernels
 from backdrive.plans import Sweep, TorqueRamp
 from backdrive.simulation import MACHINES, JointSimulation, Servo, machine
-from backdrive.simulation.closed_loop import Scene, prepare
+from backdrive.simulation.closed_loop import Scene, kernel_of, prepare
 from backdrive.simulation.hand import still
-from backdrive.simulation.kernel import COLUMNS, run
+from backdrive.simulation.kernel import COLUMNS
 from backdrive.simulation.machines import bent_curve, joint_1
 from backdrive.simulation.open_loop import drive, longest_step, simulate
 
@@ -21,8 +21,9 @@ def advance(joint, state, torque, h, steps):
     law, s = joint.law, np.array(state, dtype=float)
     row, p, x = joint.row(), law.row(), law.state()
     out = np.empty((steps, 5))
+    step = kernels.of_kinds(plant.advance, law.rate.KIND, law.element.KIND)
     for i in range(steps):
-        plant.advance(row, s, law.rate.KIND, law.element.KIND, p, x, torque, h, 20.0)
+        step(row, s, law.rate.KIND, law.element.KIND, p, x, torque, h, 20.0)
         out[i] = s
     return out
 
@@ -220,7 +221,8 @@ def test_the_loop_is_the_same_without_the_compiler(compliant):
         plant=joint, motion=still(25), controller=joint.servo, target=target, gravity_compensated=False, substep=5e-4
     )  # fmt: skip
     results = []
-    for loop in (run, getattr(run, "py_func", run)):
+    known = kernel_of((scene, prepare(scene)[0]))
+    for loop in (known, getattr(known, "py_func", known)):
         arguments, _ = prepare(scene.replace(seed=1))
         loop(*arguments)
         results.append((arguments[-1], arguments[4]))
@@ -232,7 +234,8 @@ def test_the_loop_is_the_same_without_the_compiler(compliant):
 def test_an_advance_is_the_same_without_the_compiler():
     joint = joint_1(compliant=True).replace(load_dependence=0.05, friction_side="load")
     states = []
-    for step in (plant.advance, getattr(plant.advance, "py_func", plant.advance)):
+    known = kernels.of_kinds(plant.advance, joint.law.rate.KIND, joint.law.element.KIND)
+    for step in (known, getattr(known, "py_func", known)):
         s = np.array([0.1, 1.0, 0.1, 0.5, 3.0])
         for _ in range(20):
             step(joint.row(), s, 1, 0, joint.law.row(), np.zeros(2), 20.0, 1e-4, 20.0)

@@ -53,6 +53,11 @@ def stepped(law, x, dp, dt, load=NONE, T=20.0):
     return kernels.step(law.rate.KIND, law.element.KIND, law.row(), x, dp, dt, load, T)
 
 
+def of(kernel, law):
+    """Return a kernel for one law, as the package itself runs it."""
+    return kernels.of_kinds(kernel, law.rate.KIND, law.element.KIND)
+
+
 def solved(law, x, v_free, dt, soft, load=NONE, T=20.0):
     return kernels.solve(law.rate.KIND, law.element.KIND, law.row(), x, v_free, dt, soft, load, T)
 
@@ -468,7 +473,7 @@ def test_the_state_of_an_axis_after_a_step():
     s = axis.at(0.2, 0.7)
     assert s == pytest.approx([0.2, 0.7, 0.2, 0.7, 2.0 * np.cos(0.2) + 0.3])
     x = law.state()
-    advance(axis.row(), s, law.rate.KIND, 0, law.row(), x, u, h, 20.0)
+    of(advance, law)(axis.row(), s, law.rate.KIND, 0, law.row(), x, u, h, 20.0)
     middle = 0.2 + 0.5 * h * 0.7
     g = 2.0 * np.cos(middle) + 0.3
     w = (0.7 + h * (u - g) - h * 1.0) / (1.0 + h * 0.5)
@@ -496,15 +501,14 @@ def test_an_element_on_an_axis_is_advanced_by_what_the_axis_moved():
     ):
         law, h = Law(rate=SIDES, element=element), 1e-3
         x, y = law.state(), law.state()
-        v = implicit_velocity(law.rate.KIND, element.KIND, law.row(), x, 0.3, h, 1e-3, 0.0, NONE, 20.0)
+        known, kinds = of(implicit_velocity, law), (law.rate.KIND, element.KIND)
+        v = known(*kinds, law.row(), x, 0.3, h, 1e-3, 0.0, NONE, 20.0)
         assert v == solved(law, law.state(), 0.3, h, 1e-3)
         stepped(law, y, v * h, h)
         n = max(element.states(), 1)
         assert x[:n] == pytest.approx(y[:n])
         for wide, v_free in ((1e2, 0.1), (1e2, -0.1), (1e2, 0.3), (1e2, -0.3)):
-            v = implicit_velocity(
-                law.rate.KIND, element.KIND, law.row(), law.state(), v_free, h, 1e-3, wide, NONE, 20.0
-            )
+            v = known(*kinds, law.row(), law.state(), v_free, h, 1e-3, wide, NONE, 20.0)
             less = copysign(max(abs(v_free) - 0.1, 0.0), v_free)
             assert v == pytest.approx(solved(law, law.state(), less, h, 1e-3), abs=1e-15)
 
@@ -514,9 +518,9 @@ def test_the_last_trial_leaves_the_very_state_of_a_step(name):
     """Whether the last trial is kept or stepped anew, which depends on how v dt/dt is rounded, no bit of the state shows."""
     law, h, kept = Law(rate=CURVE, element=ELEMENT_EXAMPLES[name]), 1.0 / 3000.0, 0
     x, y, n = law.state(), law.state(), max(law.element.states(), 1)
-    kinds = law.rate.KIND, law.element.KIND
+    known, kinds = of(implicit_velocity, law), (law.rate.KIND, law.element.KIND)
     for v_free in np.random.default_rng(5).uniform(-0.5, 0.5, 60):
-        v = implicit_velocity(*kinds, law.row(), x, v_free, h, 2.0 * h, 0.0, NONE, 20.0)
+        v = known(*kinds, law.row(), x, v_free, h, 2.0 * h, 0.0, NONE, 20.0)
         stepped(law, y, v * h, h)
         kept += v * h / h == v
         assert x[:n].tolist() == y[:n].tolist()
@@ -541,7 +545,7 @@ def test_what_a_law_on_an_axis_sees_is_the_motors_torque_and_what_is_carried():
         s, h, u, law = axis.at(0.1, 0.8), 1e-3, 5.0, axis.law
         M = 0.4 if axis.friction_side == "motor" else 0.5
         at, load = s.copy(), (u, -s[4])
-        advance(axis.row(), s, rate.KIND, 0, law.row(), law.state(), u, h, 20.0)
+        of(advance, law)(axis.row(), s, rate.KIND, 0, law.row(), law.state(), u, h, 20.0)
         middle, middle_q = at[0] + 0.5 * h * at[1], at[2] + 0.5 * h * at[3]
         c = 1e3 * (middle - middle_q) if np.isfinite(axis.stiffness) else 9.0 * np.cos(middle)
         net = u - c if axis.friction_side == "motor" else c - 9.0 * np.cos(middle_q)
