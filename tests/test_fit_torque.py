@@ -348,3 +348,17 @@ def test_the_error_of_a_delay_counts_what_lies_between_samples():
     kept = found.found.jacobian * np.sqrt(found.found.weight)[:, None]
     least = np.sqrt(between_samples(kept, found.problem.names.index("delay"), DT, round(0.01 / DT)))
     assert found.standard_errors["delay"] == pytest.approx(least, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("law", "delays"), [("coulomb-viscous+lugre", {0.0, 0.01, 0.02}), ("coulomb-viscous", {0.02})]
+)
+def test_friction_that_builds_up_over_a_distance_may_be_what_looks_late(law, delays):
+    record = recorded(example("stribeck-gauss"))
+    sizes = scales([record], ("inertia",), "rad", 1.0 / COUNT)
+    problem = TorqueProblem(
+        LawShape.from_name(law), [record], sizes, terms=("inertia",), delay=True, about=0.02
+    )
+    points = starts(problem, sizes, 12, 0)
+    assert {round(problem.values(point)["delay"], 9) for point in points} == delays
+    assert problem.values(points[0])["delay"] == pytest.approx(0.02)

@@ -23,6 +23,7 @@ from backdrive.logs.filters import low_pass
 GRID = 24  # number of break-away distances on the grid for elements side by side
 MOST = 2.0  # upper limit of a break-away torque, relative to the largest friction in the data [-]
 LONGEST = 15_000  # largest number of samples for the estimate of a delay
+EARLIER = (0.0, 0.5, 1.0)  # delays of scattered starting points, relative to that of the guess [-]
 STILL = 1e-9  # travel below which a joint counts as not moving [rad or m]
 
 
@@ -307,7 +308,11 @@ def _slow(s: Stretch) -> np.ndarray:
 
 
 def starts(problem: TorqueProblem, scales: Scales, count: int, seed: int) -> np.ndarray:
-    """Return starting points: the guess, and points scattered around it within the bounds, (count, P)."""
+    """Return starting points: the guess, and points scattered around it within the bounds, (count, P).
+
+    Friction that builds up over a distance looks late to `delay_of`. For a law with presliding, two thirds of the points
+    therefore have half of that delay, or none.
+    """
     values = guess(problem, scales)
     centre = problem.point(values)
     rng = np.random.default_rng(seed)
@@ -317,4 +322,6 @@ def starts(problem: TorqueProblem, scales: Scales, count: int, seed: int) -> np.
         if not u.log and not u.ratio and u.name not in problem.terms and u.name != "delay":
             reach = np.array([0.3 * abs(float(centre[i])) + 0.05])
             scattered[:, i] += reach * rng.standard_normal(count - 1)
+        if u.name == "delay" and not problem.shape.element.SET_VALUED:
+            scattered[:, i] = float(centre[i]) * np.resize(EARLIER, count - 1)
     return np.clip(np.vstack([centre, scattered]), problem.lower, problem.upper)
