@@ -141,6 +141,11 @@ def test_a_current_taken_for_torque_is_a_warning(tmp_path):
     )
     asked = (tmp_path / "log.csv", "--map", "t=t,q=q,tau=current_mA")
     answer = json.loads(called("identify", *asked, "--json").stdout)
-    assert any("was taken as SI" in w for w in answer["warnings"])
+    (joint,) = answer["model"]["joints"]
+    assert joint["verdict"]["grade"] == "care"
+    assert [w for w in joint["warnings"] if "was taken as SI" in w]
+    assert not any("was taken as SI" in w for w in answer["warnings"])  # said once
+    factor = called("identify", asked[0], "--map", "t=t,q=q,tau=1*current_mA", "--json").stdout
+    assert json.loads(factor)["model"]["joints"][0]["verdict"]["grade"] == "good"
     seen = called("inspect", *asked).stdout
     assert seen.count("was taken as SI") == 1 and "No faults found" not in seen

@@ -114,7 +114,13 @@ def _laws(choice: Choice) -> Any:
     """Return the candidate laws as a table, the selected one in bold; their remarks follow below it."""
     errors = (f"fitted [{choice.unit}]", f"held out [{choice.unit}]")
     rows = table(
-        "law", "parameters", *errors, "AIC", "s", text=("law",), title=f"{choice.joint}: candidate laws"
+        "law",
+        "parameters",
+        *errors,
+        "AIC",
+        "s",
+        text=("law",),
+        title=f"{choice.joint}: laws, all compared on the same samples",
     )
     rows.columns[0].no_wrap = True
     for c in choice.candidates:

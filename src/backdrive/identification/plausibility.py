@@ -26,6 +26,7 @@ Rule = Callable[[Case], Remark | None]
 #: The rules, gravest first, one per line.
 RULES: tuple[Rule, ...] = (
     numbers.speed,
+    beside.unit_by_name,
     residual.clock,
     numbers.direction,
     numbers.inertia,

@@ -14,12 +14,24 @@ from backdrive.identification.motion import identify_motion
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.user_delay import contradiction
 from backdrive.logs import health
-from backdrive.logs.log import Log
+from backdrive.logs.log import NO_FACTOR, Log
 
 ANOTHER_UNIT = 1.5  # ratio of the strokes of motion and plan, or its inverse, that indicates another unit [-]
 SCALED = 0.1  # relative deviation of the stroke from the plan above which there is a remark [-]
 FLAT = 0.03  # least share of samples at an extreme of the torque with a remark [-]
 APART = 0.05  # least relative difference of velocity and change of position with a remark [-]
+
+
+def unit_by_name(case: Case) -> Remark | None:
+    """Remark on a column that was taken as SI against what its name says."""
+    notes = [note for log in case.logs for note in log.notes if NO_FACTOR in note]
+    if not notes:
+        return None
+    return Remark(
+        severity="care",
+        sentence=f"{notes[0]} All numbers may be in another unit than stated. Give the factor to SI (--map), or 1* where the name "
+        "means something else.",
+    )
 
 
 def plan(case: Case) -> Remark | None:

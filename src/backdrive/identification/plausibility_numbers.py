@@ -116,7 +116,7 @@ def one_way(case: Case) -> Remark | None:
 
 
 def vague_terms(case: Case) -> Remark | None:
-    """Remark on terms smaller than their standard errors, graver if an error exceeds the whole torque."""
+    """Remark on terms smaller than twice their standard errors, graver if an error exceeds the whole torque."""
     res, vague, worst = case.residual, [], 0.0
     if res is None or not res.size > 0.0:
         return None
@@ -125,12 +125,12 @@ def vague_terms(case: Case) -> Remark | None:
             continue
         column = float(np.sqrt(np.mean(res.slides.acceleration**2))) if term == "inertia" else 1.0
         error = estimate.standard_error
-        if abs(estimate.value) < error and error * column > 2.0 * SHARE * res.size:
+        if abs(estimate.value) < 2.0 * error and error * column > 2.0 * SHARE * res.size:
             vague.append(f"{term} {estimate.value:.3g} ± {error:.2g} {estimate.unit}")
             worst = max(worst, error * column)
     if not vague:
         return None
-    sentence = f"The data do not determine {', '.join(vague)}: the value is no larger than its error."
+    sentence = f"The data do not determine {', '.join(vague)}: the value is smaller than twice its error."
     if worst > float(np.sqrt(np.mean(res.torque**2))):
         return Remark(
             severity="care",

@@ -23,6 +23,7 @@ from backdrive.logs.values import check_period, read_only
 #: sample.
 LARGEST = 1e60
 AS_SI = "was taken as SI"  # words of a note on a doubtful unit
+NO_FACTOR = "as --map gives no factor"  # words of the same note where nobody said that the unit is right
 WRENCH = 6  # numbers of a wrench
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.

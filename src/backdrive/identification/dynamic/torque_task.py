@@ -40,7 +40,7 @@ from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals, prepare, varies
 from backdrive.identification.smoothing import FINE, smoothing
 from backdrive.identification.terms import GRAVITY, RIGID, estimates
-from backdrive.laws import CoulombViscous, Rigid
+from backdrive.laws import CoulombViscous, Degressive, Rigid
 from backdrive.logs.log import Log
 from backdrive.logs.resolution import encoder_step
 from backdrive.model import JointFriction
@@ -199,7 +199,16 @@ class TorqueTask(Task):
         return sliding(self.judges, one.values.get("delay", 0.0))
 
     def shows(self, one: Fit) -> bool:
-        """Return whether the motion shows a law's presliding, and the law is possible: it breaks away above Coulomb friction."""
+        """Return whether the motion shows a law's presliding, and the law is possible: it breaks away above Coulomb friction.
+
+        A viscous part that does not flatten is that of a simpler law.
+        """
+        if (
+            one.problem.shape.rate is Degressive
+            and "exponent" in one.at_bound
+            and one.values["exponent"] > 0.5
+        ):
+            return False
         possible = is_bounded(self.options.bounds) or not slips_too_early(one.values)
         return possible and choice.shows_presliding(one.problem.shape, one.unseen, one.at_bound)
 

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 import numpy as np
 
 from backdrive.errors import MappingError
-from backdrive.logs.log import AS_SI, LARGEST
+from backdrive.logs.log import AS_SI, LARGEST, NO_FACTOR
 from backdrive.logs.readers import units
 from backdrive.logs.readers._expression import CHANNEL_OF, Column, Sum, Term
 from backdrive.logs.readers._names import KINDS
@@ -276,9 +276,8 @@ class Values:
         ending = units.split_suffix(full)[1]
         unlikely = ("ma", "%") if channel == "torque" else ("deg", "deg/s", "rpm")
         if plain and ending in unlikely and channel != "time":
-            self.notes.append(
-                f"'{full}' {AS_SI}, as --map gives no factor, though its name ends with {ending}."
-            )
+            why = "as its factor is 1" if 1.0 in term.numbers else NO_FACTOR
+            self.notes.append(f"'{full}' {AS_SI}, {why}, though its name ends with {ending}.")
         if stated is not None and stated.kind in KINDS[channel]:
             self._settle(channel, stated.kind)
         if stated is None or plain or stated == units.Unit(stated.kind):
