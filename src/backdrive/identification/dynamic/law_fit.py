@@ -22,7 +22,7 @@ TRIES = 3  # largest number of searches, each with reversals shifted by the dela
 DESCENTS = 3  # number of starting points that are optimised first
 SHORT = 8  # iterations of each of these
 LONGEST_DESCENT = 40  # largest number of iterations from the best of them
-STEPS = (1 + DESCENTS) * SHORT + LONGEST_DESCENT
+STEPS = (2 + DESCENTS) * SHORT + LONGEST_DESCENT  # the guess, the screened ones, and one with less delay
 ENOUGH = 60_000  # largest number of samples for all descents but one from their end
 
 
@@ -105,7 +105,9 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
             points = np.vstack([problem.point(begin_at), points])
         with warnings_.catch_warnings():
             warnings_.simplefilter("ignore", RuntimeWarning)
-            chosen = np.vstack([points[:1], screen(search, points, descend)])
+            sooner = starts_.with_less_delay(problem, points)
+            more = screen(search, sooner, 1) if len(sooner) else sooner
+            chosen = np.vstack([points[:1], screen(search, points, descend), more])
             short = [
                 search.run(start, iterations=SHORT, tick=inform(k * SHORT)) for k, start in enumerate(chosen)
             ]
@@ -124,7 +126,7 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
         stopped, problem = found.interrupted, problem_of(stretches, about)
         search = Search(problem.residuals, problem.lower, problem.upper, loss=loss)
         found = search.run(
-            problem.point(values), iterations=0 if stopped else iterations, tick=inform((1 + descend) * SHORT)
+            problem.point(values), iterations=0 if stopped else iterations, tick=inform((2 + descend) * SHORT)
         )
         found = replace(found, interrupted=stopped or found.interrupted)
     return conclude(problem, found, loss)

@@ -23,7 +23,7 @@ from backdrive.logs.filters import low_pass
 GRID = 24  # number of break-away distances on the grid for elements side by side
 MOST = 2.0  # upper limit of a break-away torque, relative to the largest friction in the data [-]
 LONGEST = 15_000  # largest number of samples for the estimate of a delay
-EARLIER = (0.0, 0.5, 1.0)  # delays of scattered starting points, relative to that of the guess [-]
+EARLIER = (0.0, 0.5)  # delays of further starting points, relative to that of the guess [-]
 STILL = 1e-9  # travel below which a joint counts as not moving [rad or m]
 
 
@@ -308,11 +308,7 @@ def _slow(s: Stretch) -> np.ndarray:
 
 
 def starts(problem: TorqueProblem, scales: Scales, count: int, seed: int) -> np.ndarray:
-    """Return starting points: the guess, and points scattered around it within the bounds, (count, P).
-
-    Friction that builds up over a distance looks late to `delay_of`. For a law with presliding, two thirds of the points
-    therefore have half of that delay, or none.
-    """
+    """Return starting points: the guess, and points scattered around it within the bounds, (count, P)."""
     values = guess(problem, scales)
     centre = problem.point(values)
     rng = np.random.default_rng(seed)
@@ -322,6 +318,16 @@ def starts(problem: TorqueProblem, scales: Scales, count: int, seed: int) -> np.
         if not u.log and not u.ratio and u.name not in problem.terms and u.name != "delay":
             reach = np.array([0.3 * abs(float(centre[i])) + 0.05])
             scattered[:, i] += reach * rng.standard_normal(count - 1)
-        if u.name == "delay" and not problem.shape.element.SET_VALUED:
-            scattered[:, i] = float(centre[i]) * np.resize(EARLIER, count - 1)
     return np.clip(np.vstack([centre, scattered]), problem.lower, problem.upper)
+
+
+def with_less_delay(problem: TorqueProblem, points: np.ndarray) -> np.ndarray:
+    """Return starting points with half of their delay, or none, (B, P): no point without a delay, or for a law without presliding.
+
+    Friction that builds up over a distance looks late to `delay_of`.
+    """
+    if "delay" not in problem.names or problem.shape.element.SET_VALUED or problem.about == 0.0:
+        return points[:0]
+    moved, i = points.copy(), problem.names.index("delay")
+    moved[:, i] *= np.resize(EARLIER, len(points))
+    return np.clip(moved, problem.lower, problem.upper)
