@@ -24,12 +24,12 @@ APART = 0.05  # least relative difference of velocity and change of position wit
 
 def unit_by_name(case: Case) -> Remark | None:
     """Remark on a column that was taken as SI against what its name says."""
-    notes = [note for log in case.logs for note in log.notes if NO_FACTOR in note]
+    notes = " ".join(dict.fromkeys(note for log in case.logs for note in log.notes if NO_FACTOR in note))
     if not notes:
         return None
     return Remark(
         severity="care",
-        sentence=f"{notes[0]} All numbers may be in another unit than stated. Give the factor to SI (--map), or 1* where the name "
+        sentence=f"{notes} All numbers may be in another unit than stated. Give the factor to SI (--map), or 1* where the name "
         "means something else.",
     )
 
