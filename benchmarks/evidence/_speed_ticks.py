@@ -8,7 +8,7 @@ import numpy as np
 from _speed_laws import LINES, lines
 
 from backdrive._assembly import assemble
-from backdrive._jit import jit
+from backdrive._jit import jit, part
 from backdrive.control import assembly
 from backdrive.control.compensators import compensator
 from backdrive.control.compensators.catalog import alg_fc2
@@ -35,9 +35,9 @@ def compensated(c, p, x, s, q, T, out):
 
 @jit
 def guarded(A, o, g, codes, q, T, out):
-    """Fill `out` with the torque of a loop of one joint."""
-    for k in range(q.size):
-        tick(A, o, g, codes, q[k : k + 1], T)
+    """Fill `out` with the torque of a loop of one joint along readings (n, 1)."""
+    for k in range(out.size):
+        tick(A, o, g, codes, part(q, k, 0, 1), T)
         out[k] = g[0, TORQUE]
 
 
@@ -72,7 +72,7 @@ def ours(q: np.ndarray, T: float) -> dict[str, Callable[[], np.ndarray]]:
 
         def run() -> np.ndarray:
             one.reset(q[:1])
-            kernel(*one._arrays, q, T, out)
+            kernel(*one._arrays, q[:, None], T, out)
             return out
 
         return run

@@ -30,9 +30,10 @@ from backdrive.control.table import (
     EXTERNAL,
     KNOWN,
     LIMIT,
+    NEWER_AGE,
     NOMINAL,
     OLDER,
-    OLDER_AGE,
+    OLDER_BY,
     PASSED,
     PENDING,
     SINCE,
@@ -142,7 +143,7 @@ def carry(g, h, j, weight):
     passed, share, before = g[j, PASSED], h[SHARE, j], h[GRAVITY, j]
     if g[j, CAUSE] != 0.0:
         h[AGE, j] += passed
-        moved = g[j, BEFORE] - g[j, OLDER] if g[j, OLDER_AGE] > 0.0 else h[W, j]
+        moved = g[j, BEFORE] - g[j, OLDER] if g[j, NEWER_AGE] + g[j, OLDER_BY] > 0.0 else h[W, j]
         if g[j, CAUSE] == OVERSPEED and before * moved > 0.0:
             share -= passed / HASTE
         elif h[AGE, j] > h[BRAKE, j]:
@@ -197,12 +198,13 @@ def tick(A, o, g, codes, d, h, a, s, wanted, C, back, whole, read, dt, weight, b
             load += C[i, j] * (weight[i] + h[OFFSET, i])
         carry(g, h, j, load)
         good = g[j, BAD] == 0.0 and np.isfinite(push)
-        d[j, PASSED], d[j, BEFORE], d[j, STOP] = g[j, PASSED], g[j, BEFORE], g[j, STOP]
-        d[j, SINCE] += g[j, PASSED]
+        passed = g[j, PASSED]
+        d[j, BEFORE], d[j, STOP] = g[j, BEFORE], g[j, STOP]
+        d[j, SINCE] += passed
         if g[j, CAUSE] != 0.0:
             d[j, CAUSE] = g[j, CAUSE]
         code = (SATURATED if abs(push) > d[j, LIMIT] else OK) if good else NOT_FINITE
-        code = guard.act(d[j], code, good, push, d[j, SINCE], dt)
+        code = guard.act(d[j], code, good, push, passed, d[j, SINCE], dt)
         if good:
             d[j, SINCE] = 0.0
         h[DRIVE, j] = d[j, TORQUE]

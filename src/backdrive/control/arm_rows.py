@@ -13,6 +13,7 @@ from backdrive.control.bodies import Bodies
 from backdrive.control.estimators.arm import ArmForce, ArmForceTick
 from backdrive.control.joint_loop import LATCH_TIME
 from backdrive.control.table import (
+    DUE,
     FADE,
     HALF_SPAN,
     LATCHING,
@@ -93,6 +94,7 @@ def output_stage(joints: Sequence[ArmJoint], table: np.ndarray, interval: float)
     stage = by_motor.T
     stage[NOMINAL], stage[LIMIT] = interval, limit
     stage[SPAN], stage[HALF_SPAN] = guard.spans(interval)
+    stage[DUE] = stage[HALF_SPAN]
     stage[TOP] = np.inf  # the loop's own watch sees the speed
     stage[RATE], stage[LATCHING] = limit / BRISK, limit / LATCH_TIME
     for k, joint in enumerate(joints):

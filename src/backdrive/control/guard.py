@@ -19,13 +19,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive._jit import jit, to_bits
+from backdrive._jit import jit, leaf, to_bits
 from backdrive.control.readings import OVERSPEED
 from backdrive.control.table import (
     BAD,
     BEFORE,
     CAP,
     CAUSE,
+    DUE,
     EXTERNAL,
     FADE,
     FAST,
@@ -36,8 +37,7 @@ from backdrive.control.table import (
     NEWER,
     NEWER_AGE,
     OLDER,
-    OLDER_AGE,
-    PASSED,
+    OLDER_BY,
     PATIENCE,
     RAMP,
     RATE,
@@ -54,7 +54,8 @@ LONGEST = 20.0  # largest fault time that one call adds [period]
 WINDOW = 0.01  # shortest window of a speed measurement [s]
 HASTE = 7.5  # factor on the latch rate for a runaway, since friction has to dissipate the energy added above the top speed [-]
 FORGIVEN = 0.25  # fault time that a good tick removes, relative to its own length [-]
-ROUNDING = 1e-9  # relative tolerance of distances and ages in a window, for rounding [-]
+ROUNDING = 1e-9  # relative tolerance of distances in a window, for rounding [-]
+EARLY = 1e-6  # share of a window that may lack: ages are sums of rounded times, in single precision too where C asks for it [-]
 
 
 def window(period: float) -> float:
@@ -65,32 +66,48 @@ def window(period: float) -> float:
 def spans(period: float) -> tuple[float, float]:
     """Return the age from which the older point gives a speed, and the age from which the newer point replaces it [s]."""
     span = window(period)
-    return span * (1.0 - ROUNDING), 0.5 * span * (1.0 - ROUNDING)
+    return span * (1.0 - EARLY), 0.5 * span * (1.0 - EARLY)
 
 
 @jit
 def watch(g, since):
     """Return whether a joint is faster than its top speed; `since`: time since the last accepted reading."""
-    q = g[BEFORE]
-    older, newer = g[OLDER_AGE] + since, g[NEWER_AGE] + since
-    g[OLDER_AGE], g[NEWER_AGE] = older, newer
+    age = g[NEWER_AGE] + since
+    g[NEWER_AGE] = age
+    if age < g[DUE]:
+        return False
+    return measure(g, age)
+
+
+@jit
+def measure(g, age):
+    """Return whether the speed since the older point is above the top speed, and move both points on; `age`: of the newer."""
+    q, older = g[BEFORE], age + g[OLDER_BY]
     fast = False
     if older >= g[SPAN]:
         reach, way = g[TOP] * older, abs(q - g[OLDER])
         fast = way > reach and way > reach + ROUNDING * (reach + abs(q))
         if fast or is_set(g[FAST]):
             g[FAST] = fast
-    if newer >= g[HALF_SPAN]:
-        g[OLDER], g[OLDER_AGE] = g[NEWER], newer
-        g[NEWER], g[NEWER_AGE] = q, 0.0
+    if age >= g[HALF_SPAN]:
+        g[OLDER], g[NEWER], g[NEWER_AGE] = g[NEWER], q, 0.0
+        schedule(g, age)
     return fast
+
+
+@leaf
+def schedule(g, older):
+    """Note the age of the newer point at which the other, older by so much, gives a speed, or at which it is replaced."""
+    g[OLDER_BY] = older
+    g[DUE] = min(g[SPAN] - older, g[HALF_SPAN])
 
 
 @jit
 def forget_speed(g):
     """Begin a new window of speeds at the present reading."""
     g[OLDER] = g[NEWER] = g[BEFORE]
-    g[OLDER_AGE] = g[NEWER_AGE] = g[FAST] = 0.0
+    g[NEWER_AGE] = g[FAST] = 0.0
+    schedule(g, 0.0)
 
 
 def acknowledge(g: np.ndarray) -> bool:
@@ -109,13 +126,14 @@ LIMITED = True
 
 
 @jit
-def act(g, code, good, wanted, since, interval):
+def act(g, code, good, wanted, passed, since, interval):
     """Write the joint's output and return its status.
 
     `code`: status of the reading or of its processing. `good`: the reading was accepted. `wanted`: torque of the compensator
-    for an accepted reading. `since`: time since the last accepted reading. `interval`: the given interval.
+    for an accepted reading. `passed`: time that this tick counts for. `since`: time since the last accepted reading.
+    `interval`: the given interval.
     """
-    passed, trips = g[PASSED], False
+    trips = False
     if good:
         g[BAD] = 0.0
         if LIMITED:

@@ -10,15 +10,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from backdrive.control import envelope, guard
+from backdrive.control import envelope, guard, readings
 from backdrive.control.compensators.compensator import Compensator
 from backdrive.control.compensators.extras import BristleObserver, DisturbanceObserver
 from backdrive.control.estimators.external import ExternalForce
 from backdrive.control.estimators.level import Adaptation
 from backdrive.control.table import (
     ANCHOR,
+    AWAY,
     BEFORE,
-    COUNT,
+    DUE,
     ELSEWHERE,
     ESTIMATES,
     FADE,
@@ -35,6 +36,7 @@ from backdrive.control.table import (
     PATIENCE,
     RAMP,
     RATE,
+    SLACK,
     SPAN,
     TABLE,
     TEMPERATURE,
@@ -46,6 +48,7 @@ from backdrive.errors import InvalidInput, LimitWarning
 from backdrive.laws import REFERENCE, Law
 from backdrive.parameters import ABOVE_ZERO, BIG, NOT_NEGATIVE, Bound, WithBounds, check
 
+MOVED = 2.5  # encoder steps from the position of rest beyond which a joint has moved; noise of one step does not count
 LATCH_TIME = 0.15  # from the limit to zero when latched [s]
 BRISK, LEAST_BRISK = 1000.0, 50.0  # default rate relative to F, and its least allowed value [1/s]
 LARGEST = 1.5  # largest limit relative to R F(top speed) with which a runaway is stopped in time [-]
@@ -220,7 +223,7 @@ class JointLoop(WithBounds):
             HOLD: self.hold,
             FADE: self.fade,
             PATIENCE: self.patience,
-            COUNT: self.encoder_count,
+            AWAY: MOVED * self.encoder_count,
         }
 
 
@@ -288,11 +291,13 @@ def rows(joints: Sequence[JointLoop], positions: np.ndarray, dt: float) -> tuple
     table = by_joint.T
     table[NOMINAL], table[TEMPERATURE], table[LEVEL] = dt, REFERENCE, 1.0
     table[SPAN], table[HALF_SPAN] = guard.spans(dt)
+    table[DUE] = table[HALF_SPAN]
     for row in (BEFORE, ELSEWHERE, OLDER, NEWER, ANCHOR):
         table[row] = positions
     for k, (joint, estimator) in enumerate(zip(joints, estimators, strict=True)):
         for row, value in joint.guards().items():
             table[row, k] = value
+        table[SLACK, k] = readings.slack(joint.top_speed, joint.encoder_count, dt)
         table[ESTIMATES, k] = float(joint.external is not None)
         laws = (joint.compensator.friction.law, estimator.friction.law)
         table[GROWS, k] = float(any(law.growth is not None for law in laws))

@@ -13,9 +13,9 @@ from backdrive.control.estimators.level import learn
 from backdrive.control.table import (
     ANCHOR,
     APPLIED,
+    AWAY,
     BEFORE,
     CALLS,
-    COUNT,
     CREEP,
     DEAD,
     ELSEWHERE,
@@ -49,9 +49,8 @@ from backdrive.status import Status
 
 OK, NOT_FINITE = int(Status.OK), int(Status.NOT_FINITE)
 SATURATED, NO_MOTION = int(Status.SATURATED), int(Status.NO_MOTION)
-SEVERITY = tuple(status.severity for status in Status)
+SEVERITY = np.array([status.severity for status in Status])
 STANDING = 0.1  # share of the hold time after which a joint stands still
-MOVED = 2.5  # encoder steps from the position of rest beyond which a joint has moved; noise of one step does not count
 NOTABLE = 0.01  # share of the limit above which a torque counts as nonzero
 
 
@@ -82,7 +81,7 @@ def restart(c, x, s, ce, xe, se, g, q):
 @jit
 def stand(c, x, s, g, q, T):
     """Return whether the joint stands still, and count for how long; after the hold time the contact is relaxed."""
-    if abs(q - g[ANCHOR]) > MOVED * g[COUNT]:
+    if abs(q - g[ANCHOR]) > g[AWAY]:
         g[ANCHOR], g[STILL] = q, 0.0
         return False
     before, hold = g[STILL], g[HOLD]
@@ -108,7 +107,7 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel'
     `c[i:]`, `p`, `x`, `s`: compensator; `ce`, `pe`, `xe`, `se`: estimator; `g`: row of the table.
     """
     g[CALLS] += 1.0
-    code = readings.judge(c, s, ce, se, g, q, dt)
+    code, passed = readings.judge(c, s, ce, se, g, q, dt)
     f, T, good = 0.0, g[SINCE], readings.valid(code)
     if good:
         dp, u, level = q - g[BEFORE], g[APPLIED], g[LEVEL] if LEARNING else 1.0
@@ -150,7 +149,7 @@ def joint(c, i, p, x, s, ce, pe, xe, se, g, q, dt):  # noqa: PLR0913  (a kernel'
                 code = NO_MOTION
             elif abs(f) > g[LIMIT]:
                 code = SATURATED
-    return guard.act(g, code, good, f, T, dt)
+    return guard.act(g, code, good, f, passed, T, dt)
 
 
 @leaf

@@ -22,7 +22,6 @@ from backdrive.control.table import (
     APPLIED,
     BEFORE,
     BEGUN,
-    COUNT,
     ELSEWHERE,
     ERROR,
     KNOWN,
@@ -37,6 +36,7 @@ from backdrive.control.table import (
     PENDING,
     SETTLED,
     SINCE,
+    SLACK,
     SLOPE,
     TEMPERATURE,
     TIME,
@@ -70,10 +70,15 @@ def shift(c, s, ce, se, g, by):
     g[PENDING], g[SINCE] = 0.0, 0.0
 
 
+def slack(top_speed: float, count: float, period: float) -> float:
+    """Return how much farther than v_top t a joint can seem to have moved: v_top T + 2 delta [rad or m]."""
+    return top_speed * period + 2.0 * count
+
+
 @jit
 def possible(g, distance, time):
     """Return whether a joint can have moved a distance in a given time; False for a NaN or an infinite distance."""
-    return abs(distance) < g[TOP] * (time + g[NOMINAL]) + 2.0 * g[COUNT]
+    return abs(distance) < g[TOP] * time + g[SLACK]
 
 
 @jit
@@ -94,7 +99,7 @@ def jump_status(g, q, way, passed):
     if not np.isfinite(q):
         return NOT_FINITE
     code = JUMP
-    if g[PENDING] > 0.0:
+    if is_set(g[PENDING]):
         speed = (q - g[ELSEWHERE]) / passed
         ratio = speed / g[LEAP]
         code = OVERSPEED if 1.0 / ALIKE <= ratio <= ALIKE else JUMP
@@ -106,7 +111,7 @@ def jump_status(g, q, way, passed):
 
 @jit
 def judge(c, s, ce, se, g, q, dt):
-    """Return the status of a joint's input: OK or LATE if it is accepted."""
+    """Return the status of a joint's input, OK or LATE if it is accepted, and the time that the tick counts for."""
     nominal = g[NOMINAL]
     code, passed, missed = OK, nominal, nominal
     if dt != nominal:  # seldom
@@ -117,26 +122,25 @@ def judge(c, s, ce, se, g, q, dt):
                 code = LATE if dt > BEHIND * nominal else OK
             elif dt < np.inf:  # it is rejected, but the joint may have moved during that time
                 missed = min(dt, LONGEST)
-    if g[PASSED] != passed:
-        g[PASSED] = passed
+    g[PASSED] = passed
     g[TIME] += passed
     g[SINCE] += missed
     if not is_set(g[BEGUN]) and np.isfinite(q):
         shift(c, s, ce, se, g, q - g[BEFORE])
         g[BEGUN], g[SINCE], g[ZERO] = True, passed, 0.0
     if code == BAD_INTERVAL:
-        return code
+        return code, passed
     others = (g[APPLIED] + g[KNOWN]) + (g[ERROR] + g[SLOPE]) + (g[MOTOR] + g[LOAD])
     if not np.isfinite(others + g[TEMPERATURE]):
-        return NOT_FINITE
+        return NOT_FINITE, passed
     if not LIMITED:
-        return code if np.isfinite(q - g[BEFORE]) else NOT_FINITE
+        return (code if np.isfinite(q - g[BEFORE]) else NOT_FINITE), passed
     if follows(c, s, ce, se, g, q, passed):  # first, since the old position comes within reach after a while
-        return JUMP
+        return JUMP, passed
     way = q - g[BEFORE]
     if not possible(g, way, g[SINCE]):
-        return jump_status(g, q, way, passed)
-    return code
+        return jump_status(g, q, way, passed), passed
+    return code, passed
 
 
 @jit

@@ -13,16 +13,17 @@ from backdrive._jit import leaf, to_bits
     # output
     TORQUE, EXTERNAL, FRICTION, LEVEL, CALLS,
     # settings
-    TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, COUNT, SPAN, HALF_SPAN, ESTIMATES, GROWS,
+    TOP, LIMIT, RATE, RAMP, LATCHING, HOLD, FADE, PATIENCE, SLACK, AWAY, SPAN, HALF_SPAN, ESTIMATES, GROWS,
     LEARNS, CREEP, SETTLE, FLOOR, DEAD, LOWER, UPPER,
     # readings: the last accepted one, the position after a jump, and the total shift of the encoder's zero
     BEGUN, BEFORE, ELSEWHERE, LEAP, SETTLED, PENDING, ZERO,
-    # watch: fault time, two points of the window of speeds with their ages, cause of the latch, stop
-    FAULTY, OLDER, OLDER_AGE, NEWER, NEWER_AGE, FAST, CAUSE, STOP, CAP, BAD,
+    # watch: fault time, two points of the window of speeds, the newer one's age, by how much the other is older, the age at
+    # which something is due, cause of the latch, stop
+    FAULTY, OLDER, NEWER, NEWER_AGE, OLDER_BY, DUE, FAST, CAUSE, STOP, CAP, BAD,
     # standing still, learning
     ANCHOR, STILL, SLID,
-) = range(56)  # fmt: skip
-TABLE = 56
+) = range(58)  # fmt: skip
+TABLE = 58
 
 
 @leaf

@@ -97,10 +97,9 @@ def limits_of(rate: int, plain: bool, p: Array, v: float, load: Pair, temp: floa
 @ladder
 def step(rate: int, element: int, p: Array, x: Array, dp: float, dt: float, load: Pair, temp: float):
     """Friction torque of one tick; `x` is advanced in place."""
-    v = dp / dt
-    if abs(v) >= FASTEST:
-        v = slow(v)
-        dp = v * dt
+    if abs(dp) >= FASTEST * dt:
+        dp = slow(dp / dt) * dt
+    v = dp / dt  # not computed for curves that see the motion of the slider alone
     return step_at(rate, element, False, p, x, x, v, dp, dt, load, temp)
 
 
