@@ -51,33 +51,26 @@ def test_a_step_of_two_laws_chooses_between_them():
         assert np.array_equal(along(both, rate, element, law), along(kernels.step, rate, element, law))
 
 
-@pytest.mark.parametrize("external", [None, "momentum"])
-@pytest.mark.parametrize("hold", [0.05, np.inf])
-def test_a_loop_that_knows_its_joints_gives_the_bits_of_the_general_one(external, hold):
+def loop_along(external: str | None, hold: float) -> np.ndarray:
+    """Return the tables of a loop that knows its two joints, tick by tick."""
     rate = Polyline(**Polyline.EXAMPLE)
     made = alg_fc2(rate, 1e4, 1e-3)
     estimator = external and ExternalForce(inertia=0.5, friction=made.friction, method=external)
     joints = [BareLoop(compensator=made, external=estimator, limit=5.0, hold=hold)] * 2
     position = 1e-3 * np.random.default_rng(2).standard_normal((200, 2)).cumsum(axis=0)
-
-    def run(kernel) -> list[np.ndarray]:
-        *parts, table = joint_loop.rows(joints, np.zeros(2), 1e-3)
-        arrays, seen = (*joint_loop.concatenate(parts), table, np.zeros(2, dtype=np.int64)), []
-        for q in position:
-            kernel(*arrays, q, 1e-3)
-            if hold == np.inf:  # for how long a joint stands, and where, is not counted then
-                table[:, [STILL, ANCHOR]] = 0.0
-            seen.append(table[:, TORQUE:].copy())
-        return seen
-
-    known = assembly.of_loop(loop_kernel.tick, joint_loop.rows(joints, np.zeros(2), 1e-3))
-    assert all(
-        np.array_equal(a, b, equal_nan=True) for a, b in zip(run(known), run(loop_kernel.tick), strict=True)
-    )
+    *parts, table = joint_loop.rows(joints, np.zeros(2), 1e-3)
+    arrays, seen = (*joint_loop.concatenate(parts), table, np.zeros(2, dtype=np.int64)), []
+    kernel = assembly.of_loop(loop_kernel.tick, joint_loop.rows(joints, np.zeros(2), 1e-3))
+    for q in position:
+        kernel(*arrays, q, 1e-3)
+        if hold == np.inf:  # for how long a joint stands, and where, is not counted then
+            table[:, [STILL, ANCHOR]] = 0.0
+        seen.append(table[:, TORQUE:].copy())
+    return np.array(seen)
 
 
-@pytest.mark.parametrize("own", [1.0, 0.5])
-def test_friction_that_compensator_and_estimator_share_gives_the_bits_of_two(own):
+def loop_with_rest(own: float) -> np.ndarray:
+    """Return the tables of a loop whose estimator has a share of the compensator's stiffness, tick by tick."""
     count, at_rest, T = 1e-5, 300, 1e-3
     made = alg_fc2(Polyline(**Polyline.EXAMPLE), 1e4, 1e-3)
     friction = alg_fc2(Polyline(**Polyline.EXAMPLE), own * 1e4, 1e-3).friction
@@ -87,27 +80,51 @@ def test_friction_that_compensator_and_estimator_share_gives_the_bits_of_two(own
         limit=5.0,
         top_speed=10.0,
         encoder_count=count,
-        hold=0.1,
+        hold=HOLD,
     )
     stroke = 0.2 * np.sin(np.arange(400) * 0.02)
     way = np.concatenate([stroke, np.full(at_rest, stroke[-1]), stroke[-1] + 1e-4 * np.arange(30), stroke])
     rows = joint_loop.rows([joint], np.zeros(1), T)
-
-    def run(kernel) -> np.ndarray:
-        *parts, table = joint_loop.rows([joint], np.zeros(1), T)
-        arrays, seen = (*joint_loop.concatenate(parts), table, np.zeros(1, dtype=np.int64)), []
-        for q in (count * np.round(way / count)).tolist():
-            kernel(*arrays, np.array([q]), T)
-            seen.append(table.copy())
-        return np.array(seen)
-
     assert assembly.shares_friction(rows) == (own == 1.0)
-    expected, got = run(loop_kernel.tick), run(assembly.of_loop(loop_kernel.tick, rows))
-    assert expected.tobytes() == got.tobytes()
-    assert np.abs(expected[:, 0, TORQUE]).max() > 0.5
-    assert (
-        expected[:, 0, STILL] > joint.hold
-    ).any()  # the compensator's contact was let go, the estimator's was not
+    *parts, table = joint_loop.rows([joint], np.zeros(1), T)
+    arrays, seen = (*joint_loop.concatenate(parts), table, np.zeros(1, dtype=np.int64)), []
+    kernel = assembly.of_loop(loop_kernel.tick, rows)
+    for q in (count * np.round(way / count)).tolist():
+        kernel(*arrays, np.array([q]), T)
+        seen.append(table.copy())
+    return np.array(seen)
+
+
+HOLD = 0.1  # of `loop_with_rest` [s]
+CASES = {
+    f"{made.__name__}{given}": (made, given)
+    for made, given in [(loop_along, (e, h)) for e in (None, "momentum") for h in (0.05, np.inf)]
+    + [(loop_with_rest, (own,)) for own in (1.0, 0.5)]
+}
+
+
+@pytest.fixture(scope="module")
+def general(tmp_path_factory) -> dict[str, np.ndarray]:
+    """Return what the general kernel gives in each case; it is what runs where nothing is compiled."""
+    path = tmp_path_factory.mktemp("general") / "cases.npz"
+    script = "import sys, numpy, test_assembly as t; numpy.savez(sys.argv[1], **{k: f(*a) for k, (f, a) in t.CASES.items()})"
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    folder = os.path.dirname(__file__)
+    subprocess.run([sys.executable, "-c", script, str(path)], env=environment, cwd=folder, check=True)
+    with np.load(path) as arrays:
+        return dict(arrays)
+
+
+@pytest.mark.skipif(not COMPILED, reason="the general kernel is returned")
+@pytest.mark.parametrize("name", CASES)
+def test_a_loop_that_knows_its_joints_gives_the_bits_of_the_general_one(name, general):
+    made, given = CASES[name]
+    expected, got = general[name], made(*given)
+    assert np.array_equal(expected, got, equal_nan=True)
+    if made is loop_with_rest:  # compensator and estimator share friction, or do not
+        assert np.abs(expected[:, 0, TORQUE]).max() > 0.5
+        # the compensator's contact was let go, the estimator's was not
+        assert (expected[:, 0, STILL] > HOLD).any()
 
 
 def test_what_leads_to_no_part_stays_as_it_is():
