@@ -44,9 +44,10 @@ WORDS = {
     "zero": "total shift of the encoder's zero [rad or m]",
     "faulty": "time with faults, as far as it has not been forgotten [s]",
     "older": "position at the beginning of the window of speeds [rad or m]",
-    "older_age": "[s]",
     "newer": "position in the middle of it [rad or m]",
     "newer_age": "[s]",
+    "older_by": "how much earlier the window began [s]",
+    "due": "age at which the speed is measured, or the window moves on [s]",
     "fast": "1: above the top speed in the last window",
     "stop": "1 after a stop, until it is acknowledged",
     "cap": "present bound of the torque [N.m or N]",
@@ -73,7 +74,8 @@ WORDS = {
     "hold": "time at rest after which the compensation is relaxed [s]",
     "fade": "rate at which the torque fades while readings are bad [1/s]",
     "patience": "time with faults after which a joint is latched [s]",
-    "count": "step of the encoder [rad or m]",
+    "slack": "how much farther than at top speed a joint can seem to have moved [rad or m]",
+    "away": "distance from the place of rest beyond which the joint has moved [rad or m]",
 }
 TITLES = {
     "c": "Numbers of a compensator.",
