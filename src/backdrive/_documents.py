@@ -71,12 +71,15 @@ def json_schema(kind: type, title: str) -> str:
         kind: the msgspec structure that the document is read as; it refuses unknown keys, and so does the schema.
         title: of the schema.
     """
+    import inspect
     import json
 
     import msgspec
 
     schema = msgspec.json.schema(kind)
     for part in schema["$defs"].values():
+        if "description" in part:
+            part["description"] = inspect.cleandoc(part["description"])  # some versions of msgspec indent
         if "properties" in part:
             part["additionalProperties"] = False
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title}
