@@ -42,20 +42,11 @@ from backdrive.identification.motion_crossings import slip_at_crossings, with_cr
 from backdrive.identification.motion_friction import as_friction, with_warnings
 from backdrive.identification.path import along_path, without_gravity
 from backdrive.identification.quality import assess_both, assess_parts
-from backdrive.identification.reasons import LEAST_MOVES, reasons
 from backdrive.identification.regression import Blocks
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import after_build_up, build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
-from backdrive.identification.slip import (
-    CLOSE,
-    FEW,
-    Slip,
-    fix_slip,
-    response,
-    search_slip,
-    with_slip,
-)
+from backdrive.identification.slip import CLOSE, FEW, Slip, fix_slip, response, search_slip, with_slip
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.user_delay import describe
 from backdrive.identification.whitening import WHITE, Colour
@@ -65,6 +56,8 @@ from backdrive.logs.quantiles import quantile
 from backdrive.model import JointFriction
 
 SHORT, FEW_TURNS = 4.0, 4  # least duration of motion [s] and least number of reversals without a remark
+LEAST_FREEDOM = 3  # least number of degrees of freedom for standard errors
+LEAST_MOVES = 6  # least number of moves for standard errors
 ROUGH = ("line", "5 sections")  # curves of the candidate with which the delay is fitted, if a line is allowed
 ENOUGH = 300_000  # largest number of samples for a rough delay and for the candidate with which the delay is fitted
 SPAN_FOR_GRAVITY = (
@@ -323,3 +316,22 @@ def _simplest(
         except NotIdentifiable:  # there is hardly any faster motion, so all bins are used
             bins = raw.whiten(colour)
     return candidate, loss, bins, blocks, slowest
+
+
+def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], slip: Slip) -> tuple[str, ...]:
+    """Return the reasons why standard errors are unknown; empty if they are known."""
+    unknowns = len(friction.standard_errors) + len(friction.dynamics)
+    freedom, count, error = int(np.count_nonzero(bins.used)) - unknowns, moves(stretches), slip.error
+    if "time_slip" in friction.dynamics:
+        error = max(error, friction.dynamics["time_slip"].standard_error)
+    late = (
+        f"is known to {1e3 * error:.2g} ms only" if np.isfinite(error) else "is not determined by the motion"
+    )
+    return sentences(
+        (freedom < LEAST_FREEDOM, "there is hardly more data than unknowns"),
+        (count < LEAST_MOVES, f"the joint made only {count} moves"),
+        (
+            error > slip.least,
+            f"the delay of the torque {late}; give it where it is known (--known delay=...)",
+        ),
+    )

@@ -9,13 +9,13 @@ import numpy as np
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.model_torque import is_gravity
 from backdrive.identification.plausibility_residual import delay, structure
-from backdrive.identification.reasons import KNOWN_SHARE
 from backdrive.identification.remark import ONE_WAY_ONLY, SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
 
 CANCEL = 3.0  # size of two opposing terms, relative to the torque, above which they cancel each other [-]
 HALF_KNOWN = 0.5  # standard error of the model torque's factor above which it is undetermined [-]
 PHASE = 0.5  # largest part of gravity that a known torque has not got, relative to either, where the two are compared [-]
+KNOWN_DELAY = 0.1  # largest relative standard error of a known delay [-]
 ONE_WAY = 0.05  # ratio of the directions' top speeds below which the motion has one direction only [-]
 UNEQUAL = 3.0  # largest ratio of the directions' friction without a remark [-]
 NOTICED = 0.01  # least delay with a remark: longer than a controller or a bus takes [s]
@@ -236,7 +236,7 @@ def delay_at_bound(case: Case) -> Remark | None:
 def delay_range(case: Case) -> Remark | None:
     """Remark on a delay too long for a clock offset, graver if the delay is poorly known and may be even longer."""
     value, error = case.value("time_slip")
-    sure = 0.0 < error <= KNOWN_SHARE * abs(value)
+    sure = 0.0 < error <= KNOWN_DELAY * abs(value)
     if case.known_delay is not None or (sure and case.friction.method == "sweep"):
         return (
             None  # `user_delay` compares it with the motion; a sweep tells by itself how its torque was timed
