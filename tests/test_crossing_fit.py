@@ -6,6 +6,7 @@ import pytest
 from backdrive import Joint, Log, identify
 from backdrive.identification import crossing_fit
 from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum, noise_of
+from backdrive.identification.crossing_search import Estimate
 from backdrive.identification.signals import prepare
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.zero_crossing import (
@@ -174,7 +175,7 @@ def late_logs():
     """Logs at 1 kHz whose torque comes 4 ms late, with so much slow noise that the inertia hardly tells it."""
     q, u = joint(np.random.default_rng(1), rate=1000.0)
     return [
-        log_of(q[4:], u[:-4], np.random.default_rng(seed), 0.98, size=0.3, rate=1000.0) for seed in range(4)
+        log_of(q[4:], u[:-4], np.random.default_rng(seed), 0.98, size=0.2, rate=1000.0) for seed in range(4)
     ]
 
 
@@ -299,3 +300,25 @@ def test_lost_samples_tell_nothing_of_a_reversal(motion):
     error = one.standard_errors["coulomb_positive"]
     assert abs(one.law.rate.coulomb_positive - other.law.rate.coulomb_positive) < 1.5 * error
     assert other.standard_errors["coulomb_positive"] < 1.3 * error
+
+
+def test_two_fits_that_contradict_each_other_leave_the_first_with_their_difference(motion):
+    """Samples in which friction builds up make the fit without reversals as wrong as a false course makes the other."""
+    log = log_of(*motion, np.random.default_rng(3), 0.98)
+    stretches = prepare(log, "joint")
+    names = ("coulomb", "viscous", "inertia", "delay")
+    errors = np.array([0.01 * COULOMB, 0.03 * VISCOUS, 0.02 * INERTIA, 1e-3])
+    right = np.array([COULOMB, VISCOUS, INERTIA, 0.0])
+    noise = smoothing([log], "joint").error.of_sample
+    told = {}
+    for word, off in (("right", 0.0), ("wrong", 0.1 * COULOMB)):
+        first = Estimate(names=names, values=right - [off, 0.0, 0.0, 0.0], covariance=np.diag(errors**2))
+        found = crossing_fit.through_crossings(stretches, noise, first)
+        assert found is not None
+        told[word] = (first, *found)
+    _, found, said = told["right"]
+    assert said == crossing_fit.SAID and found.errors[0] < errors[0]
+    first, found, said = told["wrong"]
+    assert said == crossing_fit.APART and np.array_equal(found.values, first.values)
+    assert abs(found.values[0] - COULOMB) < 1.2 * found.errors[0] < 0.13 * COULOMB
+    assert np.array_equal(found.errors[2:], errors[2:])

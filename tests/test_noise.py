@@ -99,7 +99,7 @@ def test_few_independent_samples_widen_as_student_s_quantile_does():
     runs = [rng.standard_normal(n) for n in lengths]
     left = noise_of(runs, [np.linspace(-1.0, 1.0, n) for n in lengths])
     freedom = np.array(lengths) / (1.0 + 2.0 * left.correlation[1:].sum()) + 10.0 - 2.0
-    assert left.widening == pytest.approx(stats.t.ppf(0.975, freedom) / 1.959964)
+    assert left.widening == pytest.approx(stats.t.ppf(0.99865, freedom) / 3.0, rel=1e-4)
     assert left.widening[0] < 1.005 < left.widening[1]
 
 

@@ -26,7 +26,7 @@ from backdrive.model.covariance import errors_by_parameter
 
 SECTIONS = (1, 2, 3, 4, 5, 6)  # tried numbers of line sections per direction
 DIFFERENT = 0.1  # probability by which noise scatters the runs as much, below which they differ otherwise [-]
-MOST_WITHIN = 10.0  # degrees of freedom by which the noise within the runs counts
+MOST_WITHIN = 20.0  # degrees of freedom by which the noise within the runs counts
 SAME = 1.05  # largest ratio of the speeds of two runs that count as one speed [-]
 CHANCE = 0.01  # probability of rejecting a straight line by chance [-]
 ROUNDING = 1e-20  # share of the torque's mean square below which a misfit is ignored [-]
@@ -203,7 +203,7 @@ def _slow_miss(velocity: np.ndarray, residual: np.ndarray, unknowns: int) -> Mis
 def _covariance(X: np.ndarray, residual: np.ndarray, within: np.ndarray) -> np.ndarray:
     """Return the covariance of a fit to the runs' means, (p, p).
 
-    A few means tell their scatter poorly, so their errors by the noise within the runs count too, by ten degrees of freedom;
+    A few means tell their scatter poorly, so their errors by the noise within the runs count too, by twenty degrees of freedom;
     not so if the means scatter by more (an F test), since the runs then differ by more than noise.
 
     Args:

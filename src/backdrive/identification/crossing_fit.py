@@ -7,8 +7,9 @@ log: a function of the speed, or a bristle, by width and elastic share (`zero_cr
 size: their products are taken out of the normal equations (W. Fuller, Measurement Error Models, 1987, Sec. 1.2), with weights that
 do not depend on what is fitted.
 
-The result counts only if it does not contradict a fit without the reversals (`agreement`), and if noise alone is left about the
-crossings. Inertia and delay stay those of that fit: what a course has wrong looks like them first. Only a delay that the motion
+The result counts only if noise alone is left about the crossings. If it then contradicts a fit without the reversals (`agreement`),
+one of the two is wrong, and the log does not say which: the numbers stay those of that fit, and their errors include what lies
+between. Inertia and delay stay those of that fit: what a course has wrong looks like them first. Only a delay that the motion
 does not tell is taken from the reversals, which do not need inertia for it.
 
 An autoregression of first order is one again in every k-th sample, where rounding matters less by k squared. So that many samples
@@ -45,10 +46,13 @@ MISTAKEN = 0.015  # error of a delay that a wrong course makes, by the time that
 WORTH = 0.9  # largest standard error of Coulomb friction, relative to that of the first fit [-]
 
 SAID = "The noise is slower than the reversals, so Coulomb friction was fitted through them."
+APART = "A fit through the reversals tells other numbers, so the standard errors include what lies between the two."
 TOLD = "The inertia hardly tells the delay of the torque, so it was fitted at the reversals."
 
 
-def through_crossings(stretches: Sequence[Signals], noise: float, first: Estimate) -> Estimate | None:
+def through_crossings(
+    stretches: Sequence[Signals], noise: float, first: Estimate
+) -> tuple[Estimate, str] | None:
     """Return numbers of a joint whose friction is a straight line, equal in both directions, by a fit through its reversals.
 
     Args:
@@ -57,13 +61,16 @@ def through_crossings(stretches: Sequence[Signals], noise: float, first: Estimat
         first: fit without the reversals.
 
     Returns:
-        The numbers in the order of the first ones; None where the log does not allow such a fit, or contradicts it.
+        The numbers in the order of the first ones, and what is to be said of them; None where the log does not allow such a fit, or
+        where it tells no more than the first one.
     """
     fit = _search(stretches, noise, first, SLOW)
-    if fit is None or not _holds(fit, first):
+    if fit is None or not _leaves_noise(fit):
         return None
     found = fit.estimate()
-    return _beside(found, first) if found.errors[0] < WORTH * first.errors[0] else None
+    if not found.errors[0] < WORTH * first.errors[0]:
+        return None
+    return (_beside(found, first), SAID) if _agrees(found, first) else (_between(found, first), APART)
 
 
 def delay_at_crossings(
@@ -80,7 +87,7 @@ def delay_at_crossings(
         None where the log does not allow a fit through its reversals, or contradicts it.
     """
     fit = _search(stretches, noise, first, None)
-    if fit is None or not _holds(fit, first):
+    if fit is None or not (_leaves_noise(fit) and _agrees(fit.estimate(), first)):
         return None
     crossings = [last - begin for begin, last in spans(_near(fit))]
     delay, error = fit.estimate().of("delay")
@@ -118,13 +125,15 @@ def _search(
     return None
 
 
-def _holds(fit: CrossingFit, first: Estimate) -> bool:
-    """Return whether a fit agrees with the first one, and leaves noise alone about the crossings."""
-    found = fit.estimate()
-    agrees = agree(found.values - first.values, first.errors, found.errors, np.isin(found.names, FAST))
+def _agrees(found: Estimate, first: Estimate) -> bool:
+    """Return whether a fit does not contradict the first one."""
+    return agree(found.values - first.values, first.errors, found.errors, np.isin(found.names, FAST))
+
+
+def _leaves_noise(fit: CrossingFit) -> bool:
+    """Return whether a fit leaves noise alone about the crossings."""
     near = _near(fit)
-    square = float(np.mean(fit.state.residual[near] ** 2)) if near.any() else np.inf
-    return agrees and square < MISSED
+    return bool(near.any()) and float(np.mean(fit.state.residual[near] ** 2)) < MISSED
 
 
 def _near(fit: CrossingFit) -> np.ndarray:
@@ -138,6 +147,12 @@ def _beside(found: Estimate, first: Estimate) -> Estimate:
     slow = ~fast
     covariance = found.covariance * np.outer(slow, slow) + first.covariance * np.outer(fast, fast)
     return replace(found, values=np.where(fast, first.values, found.values), covariance=covariance)
+
+
+def _between(found: Estimate, first: Estimate) -> Estimate:
+    """Return the first estimate with the difference of another one in its errors, but in those of inertia and delay."""
+    moved = np.where(np.isin(found.names, FAST), 0.0, found.values - first.values)
+    return replace(first, covariance=first.covariance + np.outer(moved, moved))
 
 
 def _first_noise(passages: Sequence[Passage], first: Estimate, slow: float) -> Noise | None:

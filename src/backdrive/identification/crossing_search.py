@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification.crossing_noise import PROBES, Noise, Whitener, huber_sum, noise_of, slide
-from backdrive.identification.noise import FEWEST
-from backdrive.identification.regression import NORMAL
+from backdrive.identification.noise import FEWEST, rare
 from backdrive.identification.zero_crossing import LONGEST, REACH, Course, Kind, Passage, stencil
 
 SPEEDS = (1e-3, 3e-3, 1e-2, 3e-2)  # widths of a crossing by speed that are tried [top speed]
@@ -269,13 +268,11 @@ class CrossingFit:
         return replace(self.first, values=values, covariance=covariance)
 
     def _few(self) -> np.ndarray:
-        """Return factors on the standard errors, so that 1.96 of them correspond to Student's quantile, (P,).
+        """Return factors on the standard errors, so that three of them hold what three of normal errors do, (P,).
 
         A variance that changes by the share s where the noise's correlation changes by its standard error has 2 / s^2 degrees of
         freedom (Satterthwaite, Biometrics Bulletin 2, 1946).
         """
-        from scipy.special import stdtrit
-
         found, state, variances = self.about, self.state, []
         columns = np.hstack([state.X, self._changes(state.point, state.theta)]) / np.sqrt(np.diag(self.gram))
         false = (self.gram - self.true) / np.sqrt(np.outer(np.diag(self.gram), np.diag(self.gram)))
@@ -288,7 +285,7 @@ class CrossingFit:
             variances.append(np.maximum(np.diag(np.linalg.pinv(F.T @ F - false, rcond=1e-10)), 1e-12))
         self.about = found
         share = np.log(variances[1] / variances[0]) * error / (steps[1] - steps[0])
-        return stdtrit(np.maximum(2.0 / np.maximum(share**2, 1e-12), FEWEST), 0.975) / NORMAL
+        return rare(np.maximum(2.0 / np.maximum(share**2, 1e-12), FEWEST))
 
     def _scatter(self) -> np.ndarray:
         """Return the covariance of the gradient, (P, P).

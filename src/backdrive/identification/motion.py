@@ -20,7 +20,7 @@ from backdrive.errors import NotIdentifiable
 from backdrive.identification import curves, design, noise
 from backdrive.identification.bends import with_bends
 from backdrive.identification.block_prediction import predict_blocks
-from backdrive.identification.crossing_fit import SAID, TOLD
+from backdrive.identification.crossing_fit import TOLD
 from backdrive.identification.delay import delay_signals, sliding_in_step
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.evidence import constant_beside, evidence, parts_of, sentences, without_errors
@@ -226,7 +226,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     if slip.is_fitted(coarse):
         choice = with_late(slip, choice, bins)
     slow = slip.is_known and slip.colour.memory * seconds > FORGETS
-    choice, through = with_crossings(choice, slip.delay, stretches, smooth.error) if slow else (choice, False)
+    choice, through = with_crossings(choice, slip.delay, stretches, smooth.error) if slow else (choice, "")
     choice = missed.on(with_bends(design.offset_apart(choice)))
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     slowest = curves.past_rise(friction.law, slowest)
@@ -279,7 +279,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         None,
         (
             support.verdict,
-            SAID if through else "",
+            through,
             TOLD if timed else "",
             constant,
             fixed,

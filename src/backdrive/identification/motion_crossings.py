@@ -17,8 +17,8 @@ from backdrive.identification.slip import Slip
 
 def with_crossings(
     choice: Choice, delay: float, stretches: Sequence[Signals], error: MotionError
-) -> tuple[Choice, bool]:
-    """Return a choice with the numbers of a fit through the reversals, and whether there is one; the choice itself otherwise.
+) -> tuple[Choice, str]:
+    """Return a choice with what a fit through the reversals tells, and a sentence on it; the choice itself where it tells nothing.
 
     Args:
         choice: with the delay as its term `jerk`.
@@ -27,16 +27,17 @@ def with_crossings(
         error: of the measured motion.
     """
     if (spread := _spread(choice, error)) is None:
-        return choice, False
+        return choice, ""
     found = through_crossings(stretches, error.of_sample, _first(choice, delay, spread))
     if found is None:
-        return choice, False
+        return choice, ""
+    found, said = found
     back = np.linalg.inv(spread)
     found_values = found.values.copy()
     found_values[-1] -= delay
     return replace(
         choice, coefficients=back @ found_values, covariance=back @ found.covariance @ back.T
-    ), True
+    ), said
 
 
 def slip_at_crossings(slip: Slip, choice: Choice, stretches: Sequence[Signals], error: MotionError) -> Slip:

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import stdtrit
@@ -27,6 +28,7 @@ SEEN = 2.0  # least significant correlation, relative to sqrt(log10 N / N) [-]
 QUIET = 10  # number of consecutive insignificant lags that end the correlation
 ROUNDS = 4  # number of iterations; in each, the part removed by the fit follows from the last correlation
 WHOLE = 10.0  # weight of the noise of all runs in the noise of one run [independent sample]
+RARE = 0.99865  # share of normal errors below three standard ones [-]
 FEWEST = 3.0  # least degrees of freedom of an error
 PIECE = 16_384  # number of frequencies whose products are summed together
 SLOW = 0.02  # least share of columns in the independent samples with which the colour counts in what a fit takes [-]
@@ -42,8 +44,8 @@ class Noise:
     Attributes:
         correlation: autocorrelation by lag, 1 at lag 0 [-], (L,).
         size: standard deviation of the noise in each run [unit of the residuals], (R,).
-        widening: factor on standard errors, so that 1.96 of them correspond to Student's quantile for the number of
-            independent samples behind a run's size and behind the correlation [-], (R,).
+        widening: factor on standard errors, as of `rare`, for the number of independent samples behind a run's size and behind
+            the correlation [-], (R,).
     """
 
     correlation: np.ndarray
@@ -99,8 +101,19 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
     shrunk = np.where(size > 0.0, _shrunk(size, independent), 0.0)
     squares = 2.0 * float(weights[1:] @ weights[1:])  # the variance of a sum of correlations, by that of one
     freedom = 1.0 / (1.0 / (independent + WHOLE - (degree + 1)) + squares / sum(r.size for r in left))
-    few = stdtrit(np.maximum(freedom, FEWEST), 0.975) / regression.NORMAL
+    few = rare(np.maximum(freedom, FEWEST))
     return Noise(correlation=correlation, size=np.maximum(size, shrunk), widening=few)
+
+
+def rare(freedom: float | np.ndarray) -> Any:
+    """Return the factor on standard errors with which three of them hold what three of normal errors do, 99.73 % [-].
+
+    It is Student's quantile; 1.96 of such errors hold more than 95 %.
+
+    Args:
+        freedom: degrees of freedom of the noise's size, (...).
+    """
+    return stdtrit(freedom, RARE) / 3.0
 
 
 def _shrunk(size: np.ndarray, independent: np.ndarray) -> np.ndarray:
@@ -140,7 +153,7 @@ def covariance_of_fit(
     covariance, independent = covariance_of_scores(kept, score, used, inverse)
     bread = inverse / max(float(np.mean(np.abs(residual[used]) <= width)), LEAST)
     freedom = min(independent - p, max(share * np.count_nonzero(used), FEWEST))
-    return regression.widen_covariance(bread @ covariance @ bread, freedom)
+    return bread @ covariance @ bread * rare(max(freedom, FEWEST)) ** 2
 
 
 def covariance_of_scores(

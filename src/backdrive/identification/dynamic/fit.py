@@ -51,7 +51,7 @@ class Fit:
         found: the end of the search, for profiles and bootstraps.
         loss: name of the minimised loss.
         misfit: what the law misses, as a part of the covariance of the search coordinates (`misfit`), (P, P); None: not judged.
-        through: the numbers are those of a fit through the reversals (`through`), whose errors count them.
+        through: what a fit through the reversals told of the numbers, in a sentence; empty: nothing.
     """
 
     law: Law
@@ -73,7 +73,7 @@ class Fit:
     found: SearchResult = field(repr=False)
     loss: str
     misfit: np.ndarray | None = field(repr=False, default=None)
-    through: bool = False
+    through: str = ""
 
     @property
     def axis(self) -> Axis:

@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.identification import noise
+from backdrive.identification.crossing_fit import SAID
 from backdrive.identification.curves import PEAK
 from backdrive.identification.dynamic import words
 from backdrive.identification.dynamic.covariance import inverse, slope_of_scores
@@ -79,13 +80,13 @@ def without_slow(fit: Fit, free: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """Return what slow samples move beyond noise, as a covariance of the search coordinates, (P, P), and sentences.
 
     Args:
-        fit: of torque; another one is not judged, nor one through the reversals.
+        fit: of torque; another one is not judged, nor one with numbers of the reversals.
         free: coordinates with an error, (P,).
     """
     problem, found = fit.problem, fit.found
     nothing = np.zeros((free.size, free.size))
     instants = problem.instants if found.instants is None else found.instants
-    if not isinstance(problem, TorqueProblem) or instants.size < LEAST or fit.through:
+    if not isinstance(problem, TorqueProblem) or instants.size < LEAST or fit.through == SAID:
         return nothing, []
     speed = np.concatenate([np.r_[np.abs(s.velocity), np.zeros(noise.LONGEST)] for s in problem.stretches])
     speed = speed[np.minimum(instants, speed.size - 1)]

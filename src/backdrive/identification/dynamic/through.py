@@ -17,7 +17,7 @@ from backdrive.laws import CoulombViscous, Rigid
 
 
 def with_crossings(fit: Fit, stretches: Sequence[Signals], error: MotionError) -> Fit:
-    """Return a fit with the numbers of a fit through the reversals; itself where there is none.
+    """Return a fit with what a fit through the reversals tells; itself where that is nothing.
 
     Args:
         fit: of torque to all samples that count.
@@ -48,5 +48,6 @@ def with_crossings(fit: Fit, stretches: Sequence[Signals], error: MotionError) -
     found = through_crossings(stretches, error.of_sample, first)
     if found is None:
         return fit
-    one = with_numbers(fit, order, found.values, found.covariance, found.errors)
-    return fit if one is None else replace(one, through=True)
+    numbers, said = found
+    one = with_numbers(fit, order, numbers.values, numbers.covariance, numbers.errors)
+    return fit if one is None else replace(one, through=said)

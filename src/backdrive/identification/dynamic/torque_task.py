@@ -10,7 +10,6 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import BackdriveError, NotIdentifiable
-from backdrive.identification.crossing_fit import SAID
 from backdrive.identification.delay import delay_signals, earlier
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.attenuation import restore_inertia
@@ -246,8 +245,7 @@ class TorqueTask(Task):
             known["model_torque"] = 1.0
         given = estimates({term: (value, np.nan) for term, value in known.items()}, self.info.unit)
         friction, support = finish(self.info, final, judged, self.pairs, self.unseen, self.masks, given)
-        if final.through:
-            support = replace(support, verdict=" ".join(filter(None, (support.verdict, SAID))))
+        support = replace(support, verdict=" ".join(filter(None, (support.verdict, final.through))))
         return friction, support
 
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
