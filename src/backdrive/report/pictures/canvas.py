@@ -136,15 +136,16 @@ def axes_of(figure: Any, theme: Theme, rectangle: tuple[float, float, float, flo
         theme: its colours.
         rectangle: left, bottom, width, height [pt] of the plotting area; the house's margins by default.
     """
-    from backdrive.report.pictures.ticks import Ticks
+    from backdrive.report.pictures.ticks import Bare, Ticks
 
     width, height = figure.get_size_inches() * 72.0
     left, bottom, w, h = rectangle or (44.0, 38.0, width - 54.0, height - 62.0)
-    axes = figure.add_axes((left / width, bottom / height, w / width, h / height))
+    axes = figure.add_axes((left / width, bottom / height, w / width, h / height), axes_class=Bare)
     axes.set_facecolor("none")
     for side in ("top", "right", "left"):
         axes.spines[side].set_visible(False)
     axes.spines["bottom"].set_color(theme.muted)
+    axes.spines["bottom"].set_position(("outward", 0.0))  # which the first tick would do
     Ticks(axes, grid=theme.grid, muted=theme.muted, ink=theme.ink, size=FONT_SIZE)
     return axes
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import XAxis, YAxis
 from matplotlib.path import Path
 from matplotlib.text import Text
 from matplotlib.transforms import IdentityTransform
@@ -22,6 +24,37 @@ LEFT, DOWN = 4.0, 4.0  # from the left edge to the labels' ends, from a grid lin
 ABOVE = 8.0  # from the upper edge to the base line of what is written above it [pt]
 NEAR = 0.5  # outside of the range within which a tick counts as at its edge [px]
 BEHIND = 0.5  # place in the order of drawing, as matplotlib's for an axis below the lines
+
+
+class _Across(XAxis):
+    """A horizontal axis that makes no ticks in order to clip them."""
+
+    set_clip_path = Artist.set_clip_path
+
+
+class _Up(YAxis):
+    """A vertical axis that makes no ticks in order to clip them."""
+
+    set_clip_path = Artist.set_clip_path
+
+
+class Bare(Axes):
+    """Axes whose ticks `Ticks` draws."""
+
+    def _init_axis(self) -> None:  # overridden by projections, as by matplotlib's own
+        self.xaxis, self.yaxis = _Across(self, clear=False), _Up(self, clear=False)
+        for side, axis in (
+            ("bottom", self.xaxis),
+            ("top", self.xaxis),
+            ("left", self.yaxis),
+            ("right", self.yaxis),
+        ):
+            self.spines[side].register_axis(axis)
+
+    def grid(self, *_: Any, **__: Any) -> None:
+        """Do nothing: matplotlib's ticks are made as soon as anything is set for them, if only that they have no grid."""
+
+    tick_params = grid
 
 
 class Ticks(Artist):
