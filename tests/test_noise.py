@@ -42,7 +42,7 @@ def test_what_a_fit_takes_from_the_products_is_that_of_the_projected_matrix(degr
     P = np.eye(40) - Q @ Q.T
     missing = matrix(40) - P @ matrix(40) @ P
     expected = [np.trace(missing, lag) for lag in range(12)]
-    assert noise._fit_loss(Q, noise._products(Q, Q, 12), RHO) == pytest.approx(expected, abs=1e-12)
+    assert noise._fit_loss(Q, noise._products(Q, 12), RHO) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("weights", [np.ones(1), np.array([1.0, 0.6, 0.2]), np.array([1.0, -0.5])])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backdrive.identification.crossing_noise import PROBES, Noise, Whitener, huber_sum, noise_of, slide
-from backdrive.identification.noise import FEWEST, rare
+from backdrive.identification.noise import rare
 from backdrive.identification.zero_crossing import LONGEST, REACH, Course, Kind, Passage, stencil
 
 SPEEDS = (1e-3, 3e-3, 1e-2, 3e-2)  # widths of a crossing by speed that are tried [top speed]
@@ -285,7 +285,7 @@ class CrossingFit:
             variances.append(np.maximum(np.diag(np.linalg.pinv(F.T @ F - false, rcond=1e-10)), 1e-12))
         self.about = found
         share = np.log(variances[1] / variances[0]) * error / (steps[1] - steps[0])
-        return rare(np.maximum(2.0 / np.maximum(share**2, 1e-12), FEWEST))
+        return rare(2.0 / np.maximum(share**2, 1e-12))
 
     def _scatter(self) -> np.ndarray:
         """Return the covariance of the gradient, (P, P).

@@ -198,21 +198,30 @@ def _curvature(V: np.ndarray, F: np.ndarray, error: np.ndarray) -> np.ndarray:
     n = order.size
     if n < 3 or np.any(np.diff(V[order]) < MERGED * V[order[-1]]):
         return result
-    for k in range(n):
-        few, many = (_parabola(V, order, k, width) for width in (3, min(5, n)))
-        apart, noise = (few - many)[order] @ F[order], (few - many)[order] * error[order]
-        result[order[k]] = few if abs(apart) > SHARP * np.sqrt(noise @ noise) else many
+    few, many = (_parabolas(V, order, width) for width in (3, min(5, n)))
+    apart, noise = (few - many) @ F[order], (few - many) * error[order]
+    sharp = np.abs(apart) > SHARP * np.sqrt((noise**2).sum(axis=1))
+    result[np.ix_(order, order)] = np.where(sharp[:, None], few, many)
     return result
 
 
-def _parabola(V: np.ndarray, order: np.ndarray, k: int, width: int) -> np.ndarray:
-    """Return the row from pairs to the second derivative of the parabola through the pairs nearest to the k-th, (N,)."""
-    first = min(max(k - width // 2, 0), order.size - width)
-    near = order[first : first + width]
-    x = V[near] - V[near].mean()
-    row = np.zeros(V.size)
-    row[near] = 2.0 * np.linalg.pinv(np.vander(x / np.ptp(x), 3))[0] / np.ptp(x) ** 2
-    return row
+def _parabolas(V: np.ndarray, order: np.ndarray, width: int) -> np.ndarray:
+    """Return the rows from sorted pairs to the second derivative of the parabola through the pairs nearest to each, (n, n).
+
+    Args:
+        V: velocities of all pairs, (N,).
+        order: the pairs by velocity, (n,).
+        width: number of pairs that a parabola passes.
+    """
+    n = order.size
+    near = np.clip(np.arange(n) - width // 2, 0, n - width)[:, None] + np.arange(width)
+    x = V[order][near]
+    x = x - x.mean(axis=1, keepdims=True)
+    size = np.ptp(x, axis=1)[:, None]
+    powers = (x / size)[:, :, None] ** np.array([2, 1, 0])
+    rows = np.zeros((n, n))
+    np.put_along_axis(rows, near, 2.0 * np.linalg.pinv(powers)[:, 0] / size**2, axis=1)
+    return rows
 
 
 def _within(z: np.ndarray, v: np.ndarray, t: np.ndarray) -> np.ndarray:

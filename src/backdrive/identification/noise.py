@@ -81,7 +81,7 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
         if p > 0.0:
             raw += _sums(r, lags) / p
     correlation, weights, kept = np.ones(1), np.ones(1), np.ones(len(left))
-    pairs = [_products(Q, Q, lags) for Q in bases]
+    pairs = [_products(Q, lags) for Q in bases]
     for _ in range(ROUNDS):
         taken, count = np.zeros(lags), np.full(lags, 1e-300)
         for i, (Q, QQ) in enumerate(zip(bases, pairs, strict=True)):
@@ -101,8 +101,7 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
     shrunk = np.where(size > 0.0, _shrunk(size, independent), 0.0)
     squares = 2.0 * float(weights[1:] @ weights[1:])  # the variance of a sum of correlations, by that of one
     freedom = 1.0 / (1.0 / (independent + WHOLE - (degree + 1)) + squares / sum(r.size for r in left))
-    few = rare(np.maximum(freedom, FEWEST))
-    return Noise(correlation=correlation, size=np.maximum(size, shrunk), widening=few)
+    return Noise(correlation=correlation, size=np.maximum(size, shrunk), widening=rare(freedom))
 
 
 def rare(freedom: float | np.ndarray) -> Any:
@@ -111,9 +110,9 @@ def rare(freedom: float | np.ndarray) -> Any:
     It is Student's quantile; 1.96 of such errors hold more than 95 %.
 
     Args:
-        freedom: degrees of freedom of the noise's size, (...).
+        freedom: degrees of freedom of the noise's size, (...); at least `FEWEST` is used.
     """
-    return stdtrit(freedom, RARE) / 3.0
+    return stdtrit(np.maximum(freedom, FEWEST), RARE) / 3.0
 
 
 def _shrunk(size: np.ndarray, independent: np.ndarray) -> np.ndarray:
@@ -153,7 +152,7 @@ def covariance_of_fit(
     covariance, independent = covariance_of_scores(kept, score, used, inverse)
     bread = inverse / max(float(np.mean(np.abs(residual[used]) <= width)), LEAST)
     freedom = min(independent - p, max(share * np.count_nonzero(used), FEWEST))
-    return bread @ covariance @ bread * rare(max(freedom, FEWEST)) ** 2
+    return bread @ covariance @ bread * rare(freedom) ** 2
 
 
 def covariance_of_scores(
@@ -203,6 +202,8 @@ def _possible(full: np.ndarray, white: np.ndarray, other: np.ndarray | None = No
         white: for white noise of the same size, (k, k).
         other: by an estimate that leaves no negative variance, for the sums that are corrected, (k, k); None: none.
     """
+    if full.size == 1 and other is None:
+        return np.maximum(full, LEAST * white)
     size = np.sqrt(np.maximum(np.diag(white), 1e-300))
     beyond = 0.5 * (full + full.T) - LEAST * white
     values, vectors = np.linalg.eigh(beyond / np.outer(size, size))
@@ -254,7 +255,9 @@ def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndar
     With the shift J_h, averaged with its transpose, that is tr J_h (G - P G P) = 2 tr Q' J_h G Q - tr (Q' J_h Q) (Q' G Q).
     """
     G = _toeplitz(Q, correlation)
-    across = np.einsum("aah->h", _products(Q, G, QQ.shape[2]) + _products(G, Q, QQ.shape[2]))
+    n = fft_length(len(Q) + QQ.shape[2])
+    both = np.conj(np.fft.rfft(Q.T, n)) * np.fft.rfft(G.T, n)
+    across = np.fft.irfft(2.0 * both.sum(axis=0).real, n)[: QQ.shape[2]]  # forwards and backwards
     return across - np.einsum("abh,ab->h", QQ, Q.T @ G)
 
 
@@ -297,16 +300,14 @@ def _loss_of_colour(
 
 def _sums(x: np.ndarray, lags: int) -> np.ndarray:
     """Return the sum over k of x_k x_(k+h) for each lag h, (lags,)."""
-    column = x[:, None]
-    return _products(column, column, lags)[0, 0]
+    return _products(x[:, None], lags)[0, 0]
 
 
-def _products(a: np.ndarray, b: np.ndarray, lags: int) -> np.ndarray:
-    """Return the sum over k of a_k b_(k+h) for each column of a and of b and each lag h, (k, m, lags)."""
-    n = fft_length(a.shape[0] + lags)
-    A = np.fft.rfft(a.T, n)
-    B = A if b is a else np.fft.rfft(b.T, n)
-    return np.fft.irfft(np.conj(A)[:, None] * B, n)[..., :lags]
+def _products(x: np.ndarray, lags: int) -> np.ndarray:
+    """Return the sum over k of a_k b_(k+h) for every two columns a and b of x and each lag h, (m, m, lags)."""
+    n = fft_length(x.shape[0] + lags)
+    each = np.fft.rfft(x.T, n)
+    return np.fft.irfft(np.conj(each)[:, None] * each, n)[..., :lags]
 
 
 def _between_columns(each: np.ndarray, correlation: np.ndarray) -> np.ndarray:
