@@ -78,7 +78,7 @@ def test_the_encoder_does_not_draw_the_inertia_to_zero_under_coloured_noise():
     assert abs(scores("inertia", INERTIA, step=4e-5).mean()) < 0.8
 
 
-@pytest.mark.parametrize("bend", [0.0, 0.01, 0.02, 0.04, 0.06])  # a stroke is 0.37 rad
+@pytest.mark.parametrize("bend", [0.0, 0.01, 0.02, 0.06])  # a stroke is 0.37 rad
 def test_friction_that_builds_up_over_a_way_is_left_out(bend):
     for name, truth in (("coulomb_positive", COULOMB), ("viscous_positive", VISCOUS)):
         z = scores(name, truth, bend=bend, step=4e-6)
