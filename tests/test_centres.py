@@ -241,7 +241,7 @@ def test_growth_with_the_load_shows_by_posture():
     (note,) = (note for note in found.notes if f"Friction grows by {value:.4f} +-" in note)
     assert f"of which {value * carried:.2g} +- " in note and " N.m are this growth" in note
     # what the load adds inside the windows is not taken for noise: the scatter over seeds is 0.030 N.m
-    assert max(found.error_pos) == pytest.approx(0.030, rel=0.15)
+    assert 0.030 < max(found.error_pos) < 0.037  # few independent samples widen it by a tenth
     assert fit_sweeps(made(uneven(), (-60, 0, 60)), "joint_1").load is None
 
 

@@ -152,7 +152,10 @@ def test_the_error_of_a_pair_is_what_white_noise_does_to_a_short_window():
     scatter = np.std(found, axis=0, ddof=1)
     stated = np.sqrt(np.mean(np.square(known), axis=0))
     # inertia and curvature are shared; 120 draws know each scatter to 6.5 %, twelve of them together to 2 to 3 %
-    assert np.sqrt(np.mean((scatter / stated) ** 2)) == pytest.approx(1.0, abs=0.08)
+    student = (
+        stats.t.ppf(0.99865, 16 + 10 - 2) / 3.0
+    )  # 16 samples a window, and 10 of all windows, less a line
+    assert np.sqrt(np.mean((student * scatter / stated) ** 2)) == pytest.approx(1.0, abs=0.08)
 
 
 def test_curvature_is_exact_for_a_parabola_through_three_and_through_five():

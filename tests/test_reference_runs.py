@@ -63,8 +63,8 @@ def test_runs_on_two_lines_come_back_with_every_number():
     assert (found.method, len(found.warnings)) == ("constant-velocity", 1)
     assert found.warnings[0].startswith("A constant bias torque (gravity, cable")
     bread = np.linalg.inv(X.T @ X)
-    student = 2.056 / 1.96  # 26 degrees of freedom: 16 of the means, and 10 of the noise within the runs
-    power = (left @ left + 10.0 * np.mean(within**2)) / 26.0
+    student = 2.028 / 1.96  # 36 degrees of freedom: 16 of the means, and 20 of the noise within the runs
+    power = (left @ left + 20.0 * np.mean(within**2)) / 36.0
     error = np.sqrt(np.diag(bread) * power) * student
     assert found.standard_errors["coulomb_positive"] == pytest.approx(error[0], rel=1e-3)
     assert found.standard_errors["viscous_negative"] == pytest.approx(error[3], rel=1e-3)
