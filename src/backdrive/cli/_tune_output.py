@@ -95,7 +95,7 @@ def _margins(tuning: Tuning) -> Sequence[str]:
     return (
         f"Of {m['joints']} joints drawn from the intervals, without dither: {100 * m['at_rest']:.0f} % come to rest. "
         f"The largest amplitude at rest is {m['cycle']:.2g} {unit} ({m['cycle_counts']:.2g} counts, "
-        f"{100 * m['cycle_by_bound']:.2g} % of the bound). "
+        f"{100 * m['cycle_by_bound']:.3g} % of the bound). "
         + (
             f"The compensator puts in {m['energy']:.2g} J."
             if m["energy"] > NO_ENERGY

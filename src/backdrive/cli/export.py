@@ -237,7 +237,7 @@ def _check_share(model: FrictionModel, name: str, loop: JointLoop, limit: float)
         return
     raise InvalidInput(
         f"Joint '{name}': the loop compensates R = {loop.compensator.share:.3g} of the friction, but the model's "
-        f"Coulomb friction is uncertain by {100 * error:.2g} % (95 %). Only up to R = {max(1.0 - error, 0.0):.3g} "
+        f"Coulomb friction is uncertain by {100 * error:.3g} % (95 %). Only up to R = {max(1.0 - error, 0.0):.3g} "
         f"is overcompensation excluded.",
         remedy="Identify from more data, tune with a larger --friction-error, or give --beyond.",
     )

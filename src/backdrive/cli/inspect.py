@@ -225,7 +225,7 @@ def _print(
     if not brief:
         rate = f"{held['rate']:.6g} Hz" if held["rate"] else "no rate"
         jitter = (
-            f", jitter {100 * held['jitter']:.2g} % of the interval" if held["jitter"] is not None else ""
+            f", jitter {100 * held['jitter']:.3g} % of the interval" if held["jitter"] is not None else ""
         )
         longest = (
             f", longest interval {held['longest_interval']:.4g} s"

@@ -94,7 +94,7 @@ def _print(model: FrictionModel, qualities: Mapping[str, Any], suspect: list[str
     joints = [(model.joint(name).joint, q) for name, q in qualities.items()]
     if by_motion:
         sentences = (
-            f"{joint.name}: its motion from the drive's input is off by {q.residual:.2g} % ({q.rms:.3g} {joint.unit} rms, "
+            f"{joint.name}: its motion from the drive's input is off by {q.residual:.3g} % ({q.rms:.3g} {joint.unit} rms, "
             f"{q.samples} samples)."
             for joint, q in joints
         )

@@ -108,7 +108,7 @@ class Calibration:
         share, unit = float(np.mean(one.speed > self.top_speed)), one.joint.unit
         return [
             f"Joint '{self.joint}' reaches {one.speed.max():.3g} {unit}/s, but free motion only {self.top_speed:.3g} {unit}/s. "
-            f"In {100 * share:.2g} % of the time bands and thresholds are extrapolated; they grow with the square of the "
+            f"In {100 * share:.3g} % of the time bands and thresholds are extrapolated; they grow with the square of the "
             f"speed. Record free motion at this speed."
         ]
 

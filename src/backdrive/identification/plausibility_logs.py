@@ -103,7 +103,7 @@ def flat_torque(case: Case) -> Remark | None:
         if found:
             return Remark(
                 severity="care",
-                sentence=f"Torque is flat at {found[0].value:.3g} {case.unit} for {100.0 * share:.2g} % of a log: if the sensor or "
+                sentence=f"Torque is flat at {found[0].value:.3g} {case.unit} for {100.0 * share:.3g} % of a log: if the sensor or "
                 "the command is at its limit there, the result is wrong. Move slower, or leave those samples out.",
             )
     return None

@@ -137,7 +137,7 @@ def wild_samples(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="note",
-        sentence=f"{100.0 * case.residual.wild:.2g} % of the torque's samples in motion are far off their neighbours.",
+        sentence=f"{100.0 * case.residual.wild:.3g} % of the torque's samples in motion are far off their neighbours.",
     )
 
 

@@ -131,7 +131,7 @@ def _words(error: MotionError, log: Log) -> tuple[str, str]:
 
 def _percent(wrong: float, right: float) -> str:
     share = np.sqrt(wrong / right) if right > 0.0 else np.inf
-    return f"{100.0 * share:.2g} %" if share < 10.0 else "many times the size"
+    return f"{100.0 * share:.3g} %" if share < 10.0 else "many times the size"
 
 
 def _longest(log: Log) -> np.ndarray | None:

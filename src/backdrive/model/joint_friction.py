@@ -228,7 +228,7 @@ class JointFriction:
         low, high, unit = *self.validity.velocity, f"{self.joint.unit}/s"
         beyond = velocity[outside]
         furthest = float(beyond[np.argmax(np.maximum(low - beyond, beyond - high))])
-        share = f", with {100.0 * np.mean(outside):.2g} % of the velocities" if velocity.size > 1 else ""
+        share = f", with {100.0 * np.mean(outside):.3g} % of the velocities" if velocity.size > 1 else ""
         return (
             f"Joint '{self.joint.name}': {furthest:.4g} {unit} is outside the validity range, {low:.4g} to {high:.4g} {unit}"
             f"{share}; there the model extrapolates."

@@ -88,7 +88,7 @@ class Change:
         """The answer in words."""
         size = 100.0 * self.shape
         if not self.is_testable:
-            return f"differs by up to {size:.2g} %; without standard errors it cannot be tested whether that is noise"
+            return f"differs by up to {size:.3g} %; without standard errors it cannot be tested whether that is noise"
         reach = 100.0 * REACH * self.mean_error
         digits = int(np.clip(-np.floor(np.log10(max(reach, 1e-6))), 0, 6))
         amount = f"{100.0 * self.mean:+.{digits}f} +- {reach:.{digits}f} %"
@@ -96,7 +96,7 @@ class Change:
             return f"not changed beyond chance ({amount})"
         if abs(self.mean) > REACH * self.mean_error:
             return f"changed by {amount}, more than chance"
-        return f"its curve changed shape by {size:.2g} % (on average {amount}), more than chance"
+        return f"its curve changed shape by {size:.3g} % (on average {amount}), more than chance"
 
 
 def change_of(
