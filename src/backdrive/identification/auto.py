@@ -1,4 +1,4 @@
-"""The choice of the method from the contents of the logs, and of the joints that move."""
+"""The choice of the method from the contents of the logs, of the joints that move, and of the logs in which each does."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from backdrive.identification.runs import LEAST_RUNS, whole_run
 from backdrive.identification.sweep_windows import find_windows
 from backdrive.logs.log import Log
 from backdrive.logs.quantiles import quantile
+from backdrive.logs.resolution import channel_noise, channel_step, encoder_step
 
 #: Method -> motion that it needs, in words.
 METHODS: dict[str, str] = {
@@ -26,6 +27,10 @@ METHODS: dict[str, str] = {
 
 CYCLES = 4  # least number of cycles of a sweep
 IDLE = 0.02  # travel below which a joint is idle, relative to the largest travel of the same unit [-]
+STEPS, SCATTER = (
+    3.0,
+    8.0,
+)  # largest travel of a joint that stands still [encoder step] and [noise of a sample]
 
 
 def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tuple[list[str], list[str]]:
@@ -50,6 +55,37 @@ def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tu
     return [n for n, m in zip(names, moves, strict=True) if m], [
         n for n, m in zip(names, moves, strict=True) if not m
     ]
+
+
+def in_motion(logs: Sequence[Log], joint: str) -> list[Log]:
+    """Return the logs but those in which a joint stands still while it moves in others, as where joints move in turn.
+
+    A joint that stands still shows the steps and the noise of its encoder as motion.
+    """
+    if len(logs) < 2:
+        return list(logs)
+    travel = [float(_travel(log)[log.column(joint)]) for log in logs]
+    most = IDLE * max(travel)
+    moves = [log for log, way in zip(logs, travel, strict=True) if way > most or way > _flicker(log, joint)]
+    return moves or list(logs)
+
+
+def standing(logs: Sequence[Log], joints: Sequence[str]) -> list[str]:
+    """Return a sentence on each joint that stands still in some logs, see `in_motion`."""
+    count = {joint: len(logs) - len(in_motion(logs, joint)) for joint in joints}
+    return [
+        f"Joint '{joint}' stands still in {n} of {len(logs)} logs, which do not count for it."
+        for joint, n in count.items()
+        if n
+    ]
+
+
+def _flicker(log: Log, joint: str) -> float:
+    """Return the largest travel of a joint that stands still [rad or m]."""
+    column = log.column(joint)
+    channel, scale = ("position", 1.0) if log.position is not None else ("velocity", log.duration)
+    step = encoder_step(log, joint) if channel == "position" else channel_step(log, channel, column)
+    return scale * max(STEPS * step, SCATTER * channel_noise(log, channel, column))
 
 
 def _travel(log: Log) -> np.ndarray:
@@ -108,11 +144,14 @@ def choose_method(logs: Sequence[Log], joints: Sequence[str], urdf: str | None) 
             return kind, f"the logs are linked to a plan of the kind '{kind}'"
     for log in logs:
         log.need("torque")
-    if len(logs) >= LEAST_RUNS and all(whole_run(log, joint) for log in logs for joint in joints):
+    of_joint = {joint: in_motion(logs, joint) for joint in joints}
+    pairs = [(log, joint) for joint, own in of_joint.items() for log in own]
+    many = min(map(len, of_joint.values())) >= LEAST_RUNS
+    if many and all(whole_run(log, joint) for log, joint in pairs):
         return "constant-velocity", "every log keeps one velocity throughout"
-    if all(is_ramp(log, joint) for log in logs for joint in joints):
+    if all(is_ramp(log, joint) for log, joint in pairs):
         return "ramp", "the torque ramps in straight lines until the joint begins to slip"
-    if all(_sweeps(log, joint) for log in logs for joint in joints):
+    if all(_sweeps(log, joint) for log, joint in pairs):
         return "sweep", "cycles of growing frequency and equal stroke were found"
     return "motion", "the logs hold motion of no special kind"
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from backdrive.errors import InvalidInput
 from backdrive.identification.alignment import Start, with_plan
+from backdrive.identification.auto import in_motion
 from backdrive.logs.log import Log
 
 SLOW = 50.0  # sampling rate below which a result is suspect [Hz]
@@ -168,14 +169,21 @@ def external_torque_notes(logs: Sequence[Log], method: str, driven: bool = False
     ]
 
 
+TOGETHER = (
+    "Several joints move at once and exert torques on each other, which the single-axis model does not contain. Pass the robot's "
+    "description (--urdf), or torques known from elsewhere (--map tau_model=...)."
+)
+
+
 def move_together(logs: Sequence[Log], names: Sequence[str]) -> bool:
     """Return whether joints move at the same time and the logs hold no model torque of their coupling."""
-    together = 0
+    together, own = 0, {name: in_motion(logs, name) for name in names} if len(names) > 1 else {}
     for log in logs:
-        if len(names) < 2 or log.model_torque is not None or len(log) < 2:
+        moving = [name for name, some in own.items() if any(log is one for one in some)]
+        if len(moving) < 2 or log.model_torque is not None or len(log) < 2:
             continue
-        part = log.select(names)
-        speed = np.abs(np.gradient(part.position, axis=0) if part.position is not None else part.velocity)
+        part = log.select(moving)
+        speed = np.abs(part.need("velocity") if part.position is None else np.gradient(part.position, axis=0))
         busy = speed > 0.05 * np.nanpercentile(speed, 99, axis=0)
         together += int(np.mean(busy.sum(axis=1) > 1) > 0.2)
     return together > 0

@@ -152,7 +152,7 @@ def covariance_of_fit(
     covariance, independent = covariance_of_scores(kept, score, used, inverse)
     bread = inverse / max(float(np.mean(np.abs(residual[used]) <= width)), LEAST)
     freedom = min(independent - p, max(share * np.count_nonzero(used), FEWEST))
-    return bread @ covariance @ bread * rare(freedom) ** 2
+    return regression.widen_covariance(bread @ covariance @ bread, freedom)
 
 
 def covariance_of_scores(

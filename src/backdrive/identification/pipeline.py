@@ -14,9 +14,10 @@ from backdrive._memory import with_free_memory
 from backdrive.engine import DriveModel
 from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.alignment import Start
-from backdrive.identification.auto import METHODS, choose_method, moving_joints, own_turn
+from backdrive.identification.auto import METHODS, choose_method, in_motion, moving_joints, own_turn, standing
 from backdrive.identification.evidence import describe_fit
 from backdrive.identification.log_set import (
+    TOGETHER,
     apart,
     attach_plan,
     coupling_of,
@@ -191,15 +192,11 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     warnings += slow_clock(logs) if method in ("sweep", "motion", "arm", "dynamic") else []
     if method != "arm":
         warnings += [f"Joint '{name}' hardly moves and was left out." for name in idle]
-    if method == "motion" and move_together(logs, names):
-        warnings.append(
-            "Several joints move at once and exert torques on each other, which the single-axis model does not "
-            "contain. Pass the robot's "
-            "description (--urdf), or torques known from elsewhere (--map tau_model=...)."
-        )
+    warnings += [TOGETHER] if method == "motion" and move_together(logs, names) else []
     more: dict[str, Any] = {}
     settings: dict[str, Any] = {}
     notes = [note for log in logs for note in log.notes if NO_FACTOR not in note]
+    notes += standing(logs, names) if method != "arm" and options.payloads is None else []
     arm = None
     if method == "dynamic":
         from backdrive.identification.dynamic import fit_joints
@@ -300,7 +297,9 @@ def _by_joint(
         among = f", joint {k + 1} of {len(names)}" if len(names) > 1 else ""
         options.say(f"Identifying {name} ({method}){among}")
         try:
-            results.append(_one(method, [own_turn(log, name) for log in logs], name, held_out, options))
+            own = in_motion(logs, name) if options.payloads is None else logs  # a payload belongs to a log
+            own, unseen = [own_turn(log, name) for log in own], in_motion(held_out, name)
+            results.append(_one(method, own, name, unseen, options))
         except NotIdentifiable as error:
             if options.joints is not None or len(names) == 1:
                 raise

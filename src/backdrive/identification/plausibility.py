@@ -13,6 +13,7 @@ from backdrive.identification import plausibility_law as laws
 from backdrive.identification import plausibility_logs as beside
 from backdrive.identification import plausibility_numbers as numbers
 from backdrive.identification import plausibility_residual as residual
+from backdrive.identification.auto import in_motion
 from backdrive.identification.other_motion import OtherMotion
 from backdrive.identification.remark import Case, Remark, Severity
 from backdrive.identification.result import JointEvidence
@@ -90,7 +91,12 @@ def with_verdicts(
 ) -> tuple[JointFriction, ...]:
     """Return the joints with the rules' remarks before the method's warnings, and the grades that they allow; see `remarks`."""
     others = OtherMotion(logs)
-    every = (remarks(j, e, logs, delay, others) for j, e in zip(joints, evidence, strict=True))
+
+    def of(friction: JointFriction, support: JointEvidence) -> list[Remark]:
+        own = logs if friction.method == "arm" else in_motion(logs, friction.joint.name)
+        return remarks(friction, support, own, delay, others if len(own) == len(logs) else OtherMotion(own))
+
+    every = (of(j, e) for j, e in zip(joints, evidence, strict=True))
     return tuple(_with_grade(j, e, said) for j, e, said in zip(joints, evidence, every, strict=True))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from backdrive._arguments import guard_keywords
 from backdrive.engine import Axis, DriveModel, forward
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable, check_type
-from backdrive.identification.auto import moving_joints
+from backdrive.identification.auto import in_motion, moving_joints, standing
 from backdrive.identification.coupling import other_coupling
 from backdrive.identification.dynamics import predict
 from backdrive.identification.names import same_names
@@ -90,7 +90,8 @@ def validate(
                 "logs.",
                 remedy=f"Read the logs with --unit {friction.joint.unit}.",
             )
-        each = [_predictions(model, friction, log) for log in logs]
+        said += standing(logs, [name])
+        each = [_predictions(model, friction, log) for log in in_motion(logs, name)]
         pairs = [pair for pairs, _ in each for pair in pairs]
         if not pairs:
             raise NotIdentifiable(

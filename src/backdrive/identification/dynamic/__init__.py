@@ -9,6 +9,7 @@ from dataclasses import replace
 from backdrive._catalog import lookup
 from backdrive.engine import DriveModel
 from backdrive.errors import BackdriveError, InvalidInput, NotIdentifiable
+from backdrive.identification.auto import in_motion
 from backdrive.identification.dynamic import stopping
 from backdrive.identification.dynamic.choice import Candidate as Candidate
 from backdrive.identification.dynamic.choice import Choice as Choice
@@ -112,7 +113,7 @@ def fit_joints(
             try:
                 stopping.check()
                 own = replace(options, progress=part_of(options.say, k, len(names)))
-                fits.append(fit_joint(task(logs, held_out, name, own)))
+                fits.append(fit_joint(task(in_motion(logs, name), in_motion(held_out, name), name, own)))
             except BackdriveError as error:
                 if len(names) == 1:
                     raise
