@@ -34,7 +34,7 @@ SHARES = 0.3, 1.5  # limits of the response of the jerk during the search [-]
 BEYOND = (
     ROUNDS * STEP * SHARES[1]
 )  # a remaining delay that no search reaches: there is hardly any inertia [s]
-KNOWN = 1.8  # largest standard error of a known delay: two sampling intervals, less its own uncertainty [sampling interval]
+KNOWN = 1.9  # largest standard error of a known delay: two sampling intervals, less its own uncertainty [sampling interval]
 SURE = 5.0  # least excess over one sampling interval of a poorly known delay that is used [standard error]
 FELT = 3.0  # least significance of the inertia [standard error]
 SHOWN = 0.05  # least response of the jerk to a delay that determines the delay [-]
