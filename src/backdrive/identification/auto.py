@@ -27,10 +27,7 @@ METHODS: dict[str, str] = {
 
 CYCLES = 4  # least number of cycles of a sweep
 IDLE = 0.02  # travel below which a joint is idle, relative to the largest travel of the same unit [-]
-STEPS, SCATTER = (
-    3.0,
-    8.0,
-)  # largest travel of a joint that stands still [encoder step] and [noise of a sample]
+STEPS, SCATTER = 3.0, 8.0  # largest travel of a still joint [encoder step] and [noise of a sample]
 
 
 def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tuple[list[str], list[str]]:
@@ -64,7 +61,7 @@ def in_motion(logs: Sequence[Log], joint: str) -> list[Log]:
     """
     if len(logs) < 2:
         return list(logs)
-    travel = [float(_travel(log)[log.column(joint)]) for log in logs]
+    travel = [float(_travel(log.select(joint))[0]) for log in logs]
     most = IDLE * max(travel)
     moves = [log for log, way in zip(logs, travel, strict=True) if way > most or way > _flicker(log, joint)]
     return moves or list(logs)
