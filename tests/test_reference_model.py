@@ -81,11 +81,11 @@ def test_a_validity_range_ends_a_billionth_of_its_ends_outside(low, high):
         ([3.0, 0.0, 1.0, -1.0], "3", "25"),
         ([-4.0, 3.0, 0.0, 0.0], "-4", "50"),  # 2 below the one end, 1 above the other
         ([-3.0, 5.0, 0.0, 0.0], "5", "50"),
-        ([-2.5, -2.25, 0.0], "-2.5", "67"),
+        ([-2.5, -2.25, 0.0], "-2.5", "66.7"),
         ([2.25, 2.75, 2.5, 0.0], "2.75", "75"),
-        ([9.0, 9.0], "9", "1e+02"),
+        ([9.0, 9.0], "9", "100"),
         ([2.5], "2.5", None),  # of a single velocity there is no share
-        ([0.0] * 7 + [3.0], "3", "12"),
+        ([0.0] * 7 + [3.0], "3", "12.5"),
     ],
 )
 def test_how_far_velocities_leave_the_range_is_said(velocity, furthest, share):
