@@ -130,7 +130,7 @@ def test_clipped_residuals_count_linearly():
 def test_a_bristle_ends_bent_along_the_motion():
     course = Course(kind="bristle", width=1e-3)
     position = np.concatenate([np.linspace(0.0, 0.01, 200), np.linspace(0.01, 0.0, 200)])
-    level = course.level(position, np.gradient(position, 1e-3), 1e-3)
+    level = course.level(position, np.gradient(position, 1e-3))
     assert level[150] == pytest.approx(1.0, abs=1e-3)
     assert level[-1] == pytest.approx(-1.0, abs=1e-3)
     assert -1.0 < level[210] < 1.0

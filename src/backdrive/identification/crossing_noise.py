@@ -93,12 +93,8 @@ class Whitener:
             rng: of random signs (M. F. Hutchinson, Commun. Stat. Simul. Comput. 19, 1990).
         """
         signs = rng.choice([-1.0, 1.0], size=(size, PROBES))
-        white, sums = self(signs), np.empty(count)
-        for lag in range(count):
-            later = np.zeros_like(signs)
-            later[lag:] = signs[: size - lag]
-            sums[lag] = np.mean(np.sum(white * self(later), axis=0))
-        return sums
+        weighted = self.times_weights(signs)
+        return np.array([np.sum(weighted[lag:] * signs[: size - lag]) / PROBES for lag in range(count)])
 
 
 def slide(weights: np.ndarray, series: np.ndarray) -> np.ndarray:

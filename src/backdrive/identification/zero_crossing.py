@@ -6,7 +6,7 @@ A second difference is the mean acceleration, weighted by a triangle over two sa
 
 which holds where friction jumps between two samples. Of smooth terms the mean is (x_(k-1) + 10 x_k + x_(k+1))/12 (Numerov). g is
 the course of friction by its level, -1 to 1, at several instants an interval: tanh(v/w) of the speed, or the elastoplastic bristle
-of the displacement (`laws.Elastoplastic`).
+of the displacement (`laws.elements.elastoplastic_path`).
 """
 
 from __future__ import annotations
@@ -17,11 +17,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from backdrive.engine import Lanes
 from backdrive.identification.delay import cubic, earlier
 from backdrive.identification.signals import Signals, spans
 from backdrive.identification.terms import GRAVITY
-from backdrive.laws import CoulombViscous, Elastoplastic, Law
+from backdrive.laws.elements.elastoplastic_path import elastoplastic_level
 
 FINE = 8  # instants an interval at which friction is followed
 BEFORE, AFTER = np.arange(FINE) / FINE**2, (FINE - np.arange(FINE)) / FINE**2  # weights of the triangle
@@ -59,18 +58,11 @@ class Course:
     width: float
     elastic: float = 0.7
 
-    def level(self, position: np.ndarray, velocity: np.ndarray, step: float) -> np.ndarray:
-        """Return friction by its level, (n,), along a motion at even instants, (n,) each, so far apart [s]."""
+    def level(self, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """Return friction by its level along a motion, (n,) each."""
         if self.kind == "speed":
             return np.tanh(velocity / self.width)
-        law = Law(
-            rate=CoulombViscous(
-                coulomb_positive=1.0, coulomb_negative=1.0, viscous_positive=0.0, viscous_negative=0.0
-            ),
-            element=Elastoplastic(stiffness=1.0 / self.width, damping=0.0, fading=0.0, elastic=self.elastic),
-        )
-        steps = np.diff(position, prepend=position[:1])[None]
-        return Lanes([law]).torque(np.zeros(1, dtype=int), steps, step)[0]
+        return elastoplastic_level(position, self.width, self.elastic)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,7 +146,7 @@ class Passage:
 
     def level(self, motion: Motion, course: Course) -> np.ndarray:
         """Return the triangle's mean of friction by its level, (n,)."""
-        return triangle(course.level(motion.path, motion.speed, 1.0 / (FINE * self.rate)))
+        return triangle(course.level(motion.path, motion.speed))
 
     def columns(self, delay: float, course: Course) -> np.ndarray:
         """Return the means of Coulomb friction's level, all terms, and the acceleration in the rows that count, (m, 2 + t)."""
