@@ -508,6 +508,7 @@ def delays_of(monkeypatch, found, told=None, coarse=None, from_coarse=(), agreed
 
 
 NONE = (float("nan"), float("nan"))
+USUAL = 0.003  # standard deviation of delays about which a sweep tells nothing [s]
 
 
 def test_delays_of_several_sweeps_are_averaged_by_their_errors(monkeypatch):
@@ -529,10 +530,12 @@ def test_delays_of_several_sweeps_are_averaged_by_their_errors(monkeypatch):
     # half a sampling interval is as vague as it may be
     for error, told in ((0.49 / RATE, True), (0.51 / RATE, False)):
         delays, errors, said = delays_of(monkeypatch, [(2e-3, error)])
-        otherwise = [0.0], [pytest.approx(0.5 / RATE)]  # a command, but it may as well be a sample
+        share = USUAL**2 / (USUAL**2 + error**2)  # what is usual counts as another estimate, of zero
+        otherwise = [pytest.approx(2e-3 * share)], [pytest.approx(error * share**0.5)]
         assert (delays, errors) == (([2e-3], [pytest.approx(error)]) if told else otherwise)
         assert ("does not show" in said[0]) is not told and len(said) == 1
-    assert "does not show" in delays_of(monkeypatch, [NONE])[2][0]
+    delays, errors, said = delays_of(monkeypatch, [NONE])
+    assert (delays, errors) == ([0.0], [pytest.approx(USUAL)]) and "does not show" in said[0]
 
 
 def test_a_long_delay_is_sought_from_the_coarse_one_and_taken_where_the_two_agree(monkeypatch):
@@ -554,7 +557,9 @@ def test_a_long_delay_is_sought_from_the_coarse_one_and_taken_where_the_two_agre
         (0.026, True),
     ):
         delays, errors, _ = delays_of(monkeypatch, [(delay, 0.01)], agreed=(1.0, 1.0))
-        assert (delays, errors) == ([1.0], [1.0]) if odd else ([0.0], [pytest.approx(0.5 / RATE)])
+        share = USUAL**2 / (USUAL**2 + 0.01**2)
+        usual = [pytest.approx(delay * share)], [pytest.approx(0.01 * share**0.5)]
+        assert (delays, errors) == (([1.0], [1.0]) if odd else usual)
     assert delays_of(monkeypatch, [(-0.01, 1e-4)], coarse=0.05, from_coarse=[(9.0, 1e-4)])[0] == [-0.01]
 
 

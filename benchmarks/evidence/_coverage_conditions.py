@@ -112,11 +112,11 @@ def _runs(speeds: int, rng: np.random.Generator) -> Case:
     return Case(logs, joint)
 
 
-def _sweeps(centers: int, rng: np.random.Generator) -> Case:
+def _sweeps(centers: int, rng: np.random.Generator, **options: Any) -> Case:
     top = rng.uniform(1.0, 2.0)
     joint = draw(rng, top)
     at = rng.uniform(-0.5, 0.5) + 1.2 * (np.arange(centers) - 0.5 * (centers - 1))
-    made = logger(joint, rng)
+    made = logger(joint, rng, **options)
     return Case([record(joint, sweep(c, 0.4, top, 8), made, rng) for c in at], joint)
 
 
@@ -175,4 +175,10 @@ CONDITIONS = (
     ),
     Condition(name="3 moves (silence)", make=_few_moves, methods=(CURVE, LINE), silent=True),
     Condition(name="delay open (silence)", make=_open_delay, methods=(CURVE, LINE), silent=True),
+    Condition(
+        name="sweep, one center, 4 ms late",
+        make=lambda rng: _sweeps(1, rng, late=0.004),
+        methods=(CURVE,),
+        expected="sweep",
+    ),
 )

@@ -40,6 +40,7 @@ PLAIN = (
 BEYOND = (
     2.5  # least distance of a delay from those of a command and a sample, if a shift agrees [standard error]
 )
+USUAL = 0.003  # standard deviation of the delays of drives, about which a sweep may tell little [s]
 ROUNDS = 4  # number of iterations, in each of which the torque is shifted by the last estimate of d
 
 
@@ -139,11 +140,13 @@ def drive_delays(
         odd = max(delay, -0.5 * period - delay) > BEYOND * error  # neither commanded nor sampled
         agreed = _with_shift(delay, error, every) if odd else None
         if agreed is None:
-            first = open_[0]
-            for i in open_:  # a sampled torque is equally likely, and so is the odd delay
-                errors[i] = 0.5 * max(period, abs(delay) if odd else 0.0)
-            odd_delay = (delay, error) if odd else None
-            return delays, errors, [_doubt(logs[first], joint, stretches[first], cycles[0], odd_delay)]
+            used = _together([(delay, error), (0.0, max(USUAL, 0.5 * period))])
+            if odd:
+                used = 0.0, 0.5 * max(period, abs(delay))  # as likely as none
+            for i in open_:
+                delays[i], errors[i] = used
+            first, odd_delay = open_[0], (delay, error) if odd else None
+            return delays, errors, [_doubt(logs[first], joint, stretches[first], cycles[0], used, odd_delay)]
         delay, error = agreed
     for i in open_:
         delays[i], errors[i] = delay, error
@@ -180,34 +183,42 @@ def _with_shift(delay: float, error: float, every: Sequence[Signals]) -> tuple[f
 
 
 def _doubt(
-    log: Log, joint: str, stretches: Sequence[Signals], cycles: Windows, odd: tuple[float, float] | None
+    log: Log,
+    joint: str,
+    stretches: Sequence[Signals],
+    cycles: Windows,
+    used: tuple[float, float],
+    odd: tuple[float, float] | None,
 ) -> str:
-    """Return the sentence on a torque of unknown timing, with the change of the curve between both timings.
+    """Return the sentence on a torque of unknown timing, with the change of the curve at other timings.
 
     Args:
         log: with the torque.
         joint: its name.
         stretches: of the log.
         cycles: of the sweep.
-        odd: delay and standard error [s] that fit best, if they are neither of a command nor of a sample.
+        used: delay and standard error that are used [s].
+        odd: those that fit best, if they are neither of a command nor of a sample.
     """
     about, half = log.select(joint).joints[0], 0.5 / stretches[0].rate
-    commanded, otherwise = (
+    taken, *others = (
         correct_pairs(stretches, cycles, rotary=about.unit == "rad", delay=delay)
-        for delay in (0.0, odd[0] if odd else -half)
+        for delay in (used[0], *((odd[0],) if odd else (0.0, -half)))
     )
-    change = np.maximum(abs(otherwise.F_pos - commanded.F_pos), abs(otherwise.F_neg - commanded.F_neg))
+    change = np.max([[abs(c.F_pos - taken.F_pos), abs(c.F_neg - taken.F_neg)] for c in others], axis=(0, 1))
     worst = int(np.argmax(change))
-    off = f"the curve is off by up to {change[worst]:.2g} {about.torque_unit}, at {commanded.V[worst]:.3g} {about.unit}/s"
+    amount = f"by up to {change[worst]:.2g} {about.torque_unit}, at {taken.V[worst]:.3g} {about.unit}/s"
     if odd:
         late = -odd[0] - half
         return (
             f"The torque seems to come {1e3 * abs(late):.2g} +- {1e3 * odd[1]:.2g} ms {'later' if late > 0.0 else 'earlier'} than "
-            f"the motion, which does not show it clearly, so nothing was corrected. If it does, {off} (--known delay={late:.2g})."
+            "the motion, which does not show it clearly, so nothing was corrected. If it does, the curve is off "
+            f"{amount} (--known delay={late:.2g})."
         )
     return (
-        "The motion does not show whether the torque was commanded or sampled with the position; it was taken as commanded. If "
-        f"that is wrong, {off} (--torque-timing sample)."
+        f"The motion does not show whether the torque was commanded or sampled with the position, and hardly its delay: "
+        f"{1e3 * (-used[0] - half):.2g} +- {1e3 * used[1]:.2g} ms was taken. With a timing that you know (--torque-timing command "
+        f"or sample), the curve moves {amount}."
     )
 
 
