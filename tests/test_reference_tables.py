@@ -204,14 +204,13 @@ def test_holes_words_and_comments_are_told_cell_by_cell(tmp_path):
         -float(k) for k in range(40)
     ]
     assert got.notes == (
-        "Column 'q' has words in 6 cells (line 5: 'bad'; line 6: '40 (was 50)'; line 8: 'no').",
+        "Column 'q' is no plain number in 6 cells (line 5: 'bad'; line 6: '40 (was 50)'; line 8: 'no').",
     )
     long = table(tmp_path, "t,q\n" + rows(9) + "9," + "w" * 60 + "\n" + rows(9, first=10))
-    assert long.notes == (f"Column 'q' has words in 1 cells (line 11: '{'w' * 40}').",)
-    odd = table(
-        tmp_path, "t,q\n" + rows(9) + "9,1.2.3\n" + rows(9, first=10)
-    )  # no number, but no word either
-    assert np.isnan(odd.arrays["q"][9]) and odd.notes == ()
+    assert long.notes == (f"Column 'q' is no plain number in 1 cells (line 11: '{'w' * 40}').",)
+    odd = table(tmp_path, "t,q\n" + rows(9) + "9,1.2.3\n" + rows(9, first=10))
+    assert np.isnan(odd.arrays["q"][9])
+    assert odd.notes == ("Column 'q' is no plain number in 1 cells (line 11: '1.2.3').",)
 
 
 def test_columns_of_words_are_left_out_and_dates_are_times(tmp_path):
@@ -220,7 +219,7 @@ def test_columns_of_words_are_left_out_and_dates_are_times(tmp_path):
         "when,mode,q\n" + "".join(f"2024-03-0{1 + k}T10:00:00.250,{'go' * (k + 1)},{k}\n" for k in range(4)),
     )
     assert set(got.arrays) == {"when", "q"} and got.arrays["when"].tolist() == [86400.0 * k for k in range(4)]
-    assert got.notes == ("Column 'mode' holds words and was left out.",)
+    assert got.notes == ("Column 'mode' holds words or no plain numbers ('go') and was left out.",)
     mixed = "2024-03-01T10:00:00,0\n2024-03-01T10:00:01+00:00,1\n2024-03-01T10:00:02,2\n"
     got = table(tmp_path, "when,q\n" + mixed)
     assert set(got.arrays) == {"q"} and "'when' holds words" in got.notes[0]
@@ -325,3 +324,31 @@ def test_regular_lines_are_not_read_cell_by_cell(tmp_path):
         path.write_text(f"t{cut}q\n" + "\n".join(lines))
         found, calls = counted(path, lambda code: code.co_name == "number")
         assert found["q"][2999] == 2999.5 and np.isnan(found["q"][1500]) and calls < 100
+
+
+@pytest.mark.parametrize(
+    ("cells", "q"),
+    [
+        ("{t:.3f};{q:.6f};{tau}", "1,970447"),  # a decimal comma in one column only
+        ('{t:.3f},{q:.6f},"{tau}"', "1,970447"),
+        ("{t:.3f}\t{q:.6f}\t{tau}", "0,970"),
+    ],
+)
+def test_a_decimal_comma_in_one_column_is_one(tmp_path, cells, q):
+    rows = "\n".join(cells.format(t=0.005 * k, q=0.1 + 0.01 * k, tau=q) for k in range(30))
+    separator = cells[7]
+    got = table(tmp_path, separator.join(("t", "q", "tau")) + "\n" + rows + "\n")
+    assert got.arrays["tau"].tolist() == [float(q.replace(",", "."))] * 30 and got.arrays["q"][2] == 0.12
+
+
+@pytest.mark.parametrize("tau", ["1,970", "1,970.447", "1 970.5", "1.970,4"])
+def test_numbers_with_thousands_parted_are_not_cut_short(tmp_path, tau):
+    rows = "\n".join(f"{0.005 * k:.3f};{0.1 + 0.01 * k:.6f};{tau}" for k in range(30))
+    got = table(tmp_path, "t;q;tau\n" + rows + "\n")
+    assert got.arrays.keys() == {"t", "q"}
+    assert got.notes == (f"Column 'tau' holds words or no plain numbers ('{tau}') and was left out.",)
+
+
+def test_rows_that_end_with_a_delimiter_keep_their_header(tmp_path):
+    got = table(tmp_path, "t,q,tau\n" + "\n".join(f"{k},{k}.5,-{k}," for k in range(30)) + "\n")
+    assert got.arrays.keys() == {"t", "q", "tau"} and got.arrays["tau"][3] == -3.0 and got.notes == ()

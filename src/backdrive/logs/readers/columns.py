@@ -164,14 +164,16 @@ def unframe(content: Mapping[str, Any], receive: Callable[[memoryview], None], l
 
 
 def describe(columns: Columns) -> str:
-    """Return the columns and their shapes in words, the longest first, at most sixty."""
+    """Return the columns and their shapes in words, the longest first, at most sixty; and which were left out, at most five."""
     longest = sorted(columns.arrays.items(), key=lambda item: -max(item[1].shape))
     told = [
         f"{name[:80]} {'x'.join(map(str, value.shape))}"
         + (f" [{columns.units[name]}]" if name in columns.units else "")
         for name, value in longest
     ]
-    return ", ".join(told[:60]) + (f" and {len(told) - 60} more" if len(told) > 60 else "")
+    left = [note.rstrip(".") for note in columns.notes if note.endswith("left out.")][:5]
+    whole = ", ".join(told[:60]) + (f" and {len(told) - 60} more" if len(told) > 60 else "")
+    return "; ".join([whole or "none", *left])
 
 
 def clean(text: object, longest: int = 300) -> str:

@@ -56,7 +56,8 @@ def read(path: str, options: ReadOptions) -> Columns:
         if i in times:
             arrays[name] = times[i]
         elif i in dialect.text and not (joints and is_indexed_name(name)):
-            notes.append(f"Column '{name}' holds words and was left out.")
+            example = next((cell for cell in words.get(i, ()) if cell), "")[:40]
+            notes.append(f"Column '{name}' holds words or no plain numbers ('{example}') and was left out.")
         elif i not in dialect.text and (
             not name.startswith("column_") or dialect.headless or np.isfinite(table[i]).any()
         ):
@@ -97,12 +98,13 @@ def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray,
     odd: dict[int, list[str]] = {}
     uneven: list[int] = []
     last = dialect.first
+    mixed = bool(dialect.commas) and not dialect.comma
     with open(path, encoding=dialect.encoding, errors="replace") as stream:
         for at, line in enumerate(islice(stream, dialect.first, None), dialect.first + 1):
             if not line.strip():
                 continue
             last = at
-            row = None if words else _plain(line, dialect)
+            row = None if words or mixed else _plain(line, dialect)
             if row is not None:
                 flat.extend(row)
                 continue
@@ -122,9 +124,9 @@ def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray,
                     words[i].append(cell)
                     flat.append(np.nan)
                     continue
-                value = number(cell, dialect.comma)
+                value = number(cell, i in dialect.commas)
                 flat.append(np.nan if value is None else value[0])
-                if (value is None or value[1]) and cell.strip("0123456789.eE+-, "):
+                if value is None or (value[1] and cell.strip("0123456789.eE+-, ")):
                     odd.setdefault(i, []).append(f"line {at}: '{cell[:40]}'")
     table = np.frombuffer(flat, dtype=np.float64).reshape(-1, width) if flat else np.empty((0, width))
     if len(uneven) > max(1, _WORST * (len(uneven) + len(table))):
@@ -138,7 +140,9 @@ def _careful(path: str, dialect: Dialect, notes: list[str]) -> tuple[np.ndarray,
         told = ", ".join(str(at) for at in uneven[:5]) + (", ..." if len(uneven) > 5 else "")
         notes.append(f"{len(uneven)} uneven lines were dropped (line {told}).")
     for i, found in odd.items():
-        notes.append(f"Column '{dialect.names[i]}' has words in {len(found)} cells ({'; '.join(found[:3])}).")
+        notes.append(
+            f"Column '{dialect.names[i]}' is no plain number in {len(found)} cells ({'; '.join(found[:3])})."
+        )
     return table, words
 
 

@@ -15,6 +15,7 @@ from backdrive.logs.readers._automatic import automatic, length, name_list
 from backdrive.logs.readers._channels import Values
 from backdrive.logs.readers._clocks import on_one_clock
 from backdrive.logs.readers._missing import NONE
+from backdrive.logs.readers._pairing import pair_joints
 from backdrive.logs.readers._sides import divide_by_gear, motor_channels
 from backdrive.logs.readers.columns import Columns, describe
 
@@ -91,9 +92,9 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
             remedy=f"Name the columns with --map, for example t=..., q=... or dq=..., tau=... . Columns: {describe(columns)}.",
         )
     settled = tuple(f"{NONE}{channel}:" for channel in asked)
+    own = pair_joints(values, asked, found)
     notes = [note for note in found.notes if not note.startswith(settled)]
     notes += [*values.notes, *_without_zeros(values.arrays, asked)]
-    own = _align_patterns(values)
     width = _width(values.arrays)
     own = own or (columns.joints if len(columns.joints) == width else found.joints)
     kind = _kinds(units, width)
@@ -165,26 +166,6 @@ def _side(side: str | None, coupling: object) -> Literal["motor", "joint"]:
     if side not in (None, "motor", "joint"):
         raise InvalidInput(f"The coupling's side is '{side}'.", remedy="It is motor or joint.")
     return "joint" if side == "joint" else "motor"
-
-
-def _align_patterns(values: Values) -> tuple[str, ...]:
-    """Return the joints that patterns of a `--map` name, and bring all channels with a pattern to one order.
-
-    Raises:
-        MappingError: the channels' patterns match different joints.
-    """
-    if not values.labels:
-        return ()
-    main = next(c for c in CHANNELS if c in values.labels)
-    wanted = values.labels[main]
-    for channel, labels in values.labels.items():
-        if sorted(labels) != sorted(wanted) or len(set(labels)) < len(labels):
-            raise MappingError(
-                f"--map: the pattern of {main} names the joints {', '.join(wanted)}, that of {channel} {', '.join(labels)}.",
-                remedy="Choose patterns that match one column of each joint, or list the columns: q=(a,b),tau=(c,d).",
-            )
-        values.arrays[channel] = values.arrays[channel][:, [labels.index(label) for label in wanted]]
-    return wanted if all(wanted) else ()
 
 
 def _width(arrays: Mapping[str, np.ndarray]) -> int:
