@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from backdrive import read_log, read_logs
+from backdrive import Log, read_log, read_logs
 from backdrive.errors import FileTooLarge, MappingError, ReadError
 from backdrive.logs.readers.limits import Limits
 
@@ -255,3 +255,35 @@ def test_folders_that_lack_or_hold_too_much(tmp_path):
         file.unlink()
     with pytest.raises(ReadError, match="no Parquet files"):
         read(folder)
+
+
+ORDERS = [("arm", "elbow"), ("elbow", "arm")]
+NUMBERS = {"arm": 1.0, "elbow": 2.0}
+
+
+def test_names_in_a_frame_match_rows_whose_order_changes():
+    rows = [ORDERS[k % 2] for k in range(8)]
+    log = Log.from_frame(
+        {
+            "time": np.arange(8.0),
+            "name": np.array([*rows, None], dtype=object)[:-1],
+            "position": np.array([[NUMBERS[name] for name in row] for row in rows]),
+        }
+    )
+    assert log.names == ("arm", "elbow") and (log.position == [1.0, 2.0]).all()
+
+
+def test_names_in_columns_match_rows_whose_order_changes(tmp_path):
+    lines = ["time,name[0],name[1],position[0],position[1]"]
+    lines += [
+        f"{k},{','.join(ORDERS[k % 2])},{','.join(str(NUMBERS[name]) for name in ORDERS[k % 2])}"
+        for k in range(8)
+    ]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    log = read_log(tmp_path / "a.csv")
+    assert log.names == ("arm", "elbow") and (log.position == [1.0, 2.0]).all()
+    assert any("matched by name" in note for note in log.notes)
+    lines[4] = lines[4].replace("elbow", "wrist")
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    with pytest.raises(ReadError, match="Row 4"):
+        read_log(tmp_path / "a.csv")

@@ -90,6 +90,7 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
         MappingError: the columns do not say what they are; the message lists them.
         InvalidInput: it is no table, it has no rows, or an option does not fit.
     """
+    from backdrive.logs.readers._labels import holds_names, in_order, read_names
     from backdrive.logs.readers.columns import Columns, plain
     from backdrive.logs.readers.mapping import to_log
     from backdrive.logs.readers.units import split
@@ -105,7 +106,13 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
             f"The table has no rows; its columns are {', '.join(columns)}.",
             remedy="Give one with samples: a filter may have left none.",
         )
+    joints: tuple[str, ...] = ()
+    order: np.ndarray | None = None
     for name, value in columns.items():
+        if not joints and holds_names(str(name)) and value.dtype.kind in "OU" and value.size:
+            rows = [list(row) if isinstance(row, (tuple, np.ndarray)) else row for row in value]
+            joints, order = read_names(rows, str(name), notes)
+            continue
         array = _seconds(value)
         array = plain(array) if array is not None else None
         if array is None:
@@ -119,7 +126,8 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
             "The table has no column of numbers.", remedy="Give one a channel, and one of time."
         )
     try:
-        return to_log(Columns(arrays=arrays, units=units, notes=tuple(notes)), **options)
+        arrays = in_order(arrays, order, notes)
+        return to_log(Columns(arrays=arrays, units=units, joints=joints, notes=tuple(notes)), **options)
     except MappingError as error:
         if not notes:
             raise

@@ -13,6 +13,7 @@ from backdrive.errors import ReadError
 from backdrive.logs.readers.columns import clean
 
 _NAME = re.compile(r"(?:.*[./])?(?:joint_?)?names?$", re.IGNORECASE)
+MATCHED = "The order of the joints changes from row to row: they were matched by name."
 _INDEXED = re.compile(r"(?P<stem>.*?)[\[(_.]?(?P<index>\d{1,4})[\])]?$")
 
 
@@ -69,7 +70,7 @@ def in_order(
     """Return columns with the numbers of every row where `read_names` has found their joints, (n, J)."""
     if order is None:
         return arrays
-    notes.append("The order of the joints changes from row to row: they were matched by name.")
+    notes.append(MATCHED)
     return {
         name: np.take_along_axis(value, order, axis=1) if value.shape == order.shape else value
         for name, value in arrays.items()
@@ -86,15 +87,44 @@ def _name_with_index(column: str) -> re.Match[str] | None:
     return match if match is not None and holds_names(match["stem"]) else None
 
 
-def constant_names(columns: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
-    """Return joint names that columns of words such as `name[0]`, `name[1]` repeat in every row; none where they are not so."""
-    found: dict[int, str] = {}
+def names_by_index(
+    columns: Mapping[str, Sequence[str]], notes: list[str]
+) -> tuple[tuple[str, ...], np.ndarray | None]:
+    """Return the joint names of columns of words such as `name[0]`, `name[1]`, and their places as `read_names` does.
+
+    Args:
+        columns: of words, by name.
+        notes: as of `read_names`.
+
+    Raises:
+        ReadError: the rows name different joints.
+    """
+    found: dict[int, list[str]] = {}
     for column, words in columns.items():
         match = _name_with_index(column)
-        if match is None or not words or not words[0].strip('" '):
-            continue
-        if any(word != words[0] for word in words):
-            return ()
-        found[int(match["index"])] = clean(words[0].strip('" '))
-    names = tuple(found[index] for index in sorted(found))
-    return names if len(set(names)) == len(names) else ()
+        if match is not None and words and words[0].strip('" '):
+            found[int(match["index"])] = [word.strip('" ') for word in words]
+    if not found:
+        return (), None
+    rows = [list(row) for row in zip(*(found[index] for index in sorted(found)), strict=False)]
+    return read_names(rows, "name[...]", notes)
+
+
+def indexed_in_order(
+    arrays: dict[str, np.ndarray], order: np.ndarray | None, notes: list[str]
+) -> dict[str, np.ndarray]:
+    """Return columns such as `position[0]`, `position[1]`, (n,) each, with the numbers where `names_by_index` has found them."""
+    if order is None:
+        return arrays
+    groups: dict[str, dict[int, str]] = {}
+    for column, value in arrays.items():
+        match = _INDEXED.match(column) if len(column) < 200 else None
+        if match is not None and value.shape == order.shape[:1]:
+            groups.setdefault(match["stem"], {})[int(match["index"])] = column
+    for places in groups.values():
+        if len(places) == order.shape[1]:
+            columns = [places[index] for index in sorted(places)]
+            both = in_order({"": np.column_stack([arrays[column] for column in columns])}, order, [])[""]
+            arrays = arrays | dict(zip(columns, both.T.copy(), strict=True))
+    notes.append(MATCHED)
+    return arrays

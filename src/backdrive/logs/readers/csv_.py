@@ -17,7 +17,14 @@ from backdrive.errors import ReadError, UnknownFormat
 from backdrive.logs.readers import _arrow, _list_cells
 from backdrive.logs.readers._blocks import numbers
 from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
-from backdrive.logs.readers._labels import constant_names, holds_names, in_order, is_indexed_name, read_names
+from backdrive.logs.readers._labels import (
+    holds_names,
+    in_order,
+    indexed_in_order,
+    is_indexed_name,
+    names_by_index,
+    read_names,
+)
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 _SAMPLE = 1 << 16
@@ -50,7 +57,9 @@ def read(path: str, options: ReadOptions) -> Columns:
         rows, words = _careful(path, dialect, notes)
         table = [np.ascontiguousarray(column) for column in rows.T]
     times = {i: time for i, cells in words.items() if (time := _clock(cells)) is not None}
-    joints = constant_names({dialect.names[i]: cells for i, cells in words.items() if i not in times})
+    joints, order = names_by_index(
+        {dialect.names[i]: cells for i, cells in words.items() if i not in times}, notes
+    )
     arrays: dict[str, np.ndarray] = {}
     for i, name in enumerate(dialect.names):
         if i in times:
@@ -63,6 +72,7 @@ def read(path: str, options: ReadOptions) -> Columns:
         ):
             arrays[name] = table[i]
     origin = {dialect.names[i]: _begin(words[i][0]) for i in times if words[i]}
+    arrays = indexed_in_order(arrays, order, notes)
     return Columns(arrays=arrays, units=dialect.units, joints=joints, notes=tuple(notes), origin=origin)
 
 
