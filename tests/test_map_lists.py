@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from backdrive import Joint, Log
+from backdrive import Joint, Log, read_log
 from backdrive.errors import InvalidInput, MappingError
 from backdrive.logs.readers.columns import Columns
 from backdrive.logs.readers.mapping import to_log
@@ -197,3 +197,36 @@ def test_coupled_motors():
     for wrong in (np.ones((3, 3)), np.eye(2), np.full((3, 3), np.nan), [[1, 2], [3]], "x"):
         with pytest.raises(InvalidInput, match="no invertible matrix of 3"):
             Log(time=T, joints=joints, position=Q).apply_coupling(wrong)
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "doubted"),
+    [
+        ("current [mA]", '0.8*"current [mA]"', True),  # a constant for one A
+        ("current [mA]", '0.0008*"current [mA]"', False),
+        ("current_mA", "0.8*current_mA", True),
+        ("current_mA", "0.8e-3*current_mA", False),
+        ("tau_mNm", "tau_mNm", True),
+        ("tau_mNm", "0.001*100*tau_mNm", False),
+    ],
+)
+def test_a_factor_that_is_large_for_the_unit_in_a_name_is_doubted(tmp_path, name, asked, doubted):
+    rows = "\n".join(f"{0.01 * k},{np.sin(0.1 * k)},{1000 * np.cos(0.1 * k)}" for k in range(60))
+    (tmp_path / "a.csv").write_text(f"time,q,{name}\n{rows}\n")
+    log = read_log(tmp_path / "a.csv", map=f"tau={asked}")
+    assert any("was taken as SI" in note for note in log.notes) is doubted
+
+
+def test_counts_in_a_name_and_turns_a_count_are_no_contradiction(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "time,position [counts]\n" + "\n".join(f"{k},{9 * k}" for k in range(60)) + "\n"
+    )
+    log = read_log(tmp_path / "a.csv", map='q=turn/3600*"position [counts]"')
+    assert log.position[40, 0] == pytest.approx(40 * 9 * 2.0 * np.pi / 3600)
+
+
+def test_a_torque_in_mnm_is_found_by_its_name(tmp_path):
+    (tmp_path / "a.csv").write_text(
+        "time,q,tau_mNm\n" + "\n".join(f"{k},{9 * k},{k}" for k in range(60)) + "\n"
+    )
+    assert read_log(tmp_path / "a.csv").torque[40, 0] == pytest.approx(0.04)

@@ -152,6 +152,7 @@ def command(
     """
     from backdrive.cli import _identify_options as parse
     from backdrive.cli import _identify_tables as tables
+    from backdrive.errors import ModelFileError
     from backdrive.identification import identify
 
     check_targets(
@@ -200,7 +201,12 @@ def command(
             reading=reading.to_dict(),
         )
         if output:
-            result.model.save(output)
+            try:
+                result.model.save(output)
+            except ModelFileError:  # what is said of the result tells why
+                if not as_json:
+                    tables.show_tables(result, [])
+                raise
         if report:
             from backdrive.report import write_report
 

@@ -34,7 +34,7 @@ from backdrive.identification.result import Identification, JointEvidence
 from backdrive.identification.supplement import limits_of, supplement
 from backdrive.identification.timing import Timing
 from backdrive.identification.validate import validate
-from backdrive.logs.log import AS_SI, NO_FACTOR, Drive, Log
+from backdrive.logs.log import AS_SI, DOUBTED, Drive, Log
 from backdrive.logs.tables import as_logs
 from backdrive.model import ArmModel, FrictionModel, JointFriction
 
@@ -184,7 +184,9 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     warnings: list[str] = []
     logs = [healthy(log, accept, repair, warnings) for log in logs]
     held_out = [healthy(log, accept, repair, warnings) for log in held_out]
-    warnings += [note for log in logs for note in log.notes if AS_SI in note and NO_FACTOR not in note]
+    warnings += [
+        note for log in logs for note in log.notes if AS_SI in note and not any(w in note for w in DOUBTED)
+    ]
     names, idle = moving_joints(logs, joints)
     method, reason = _method(logs, names, options)
     options.applicable(method)
@@ -195,7 +197,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     warnings += [TOGETHER] if method == "motion" and move_together(logs, names) else []
     more: dict[str, Any] = {}
     settings: dict[str, Any] = {}
-    notes = [note for log in logs for note in log.notes if NO_FACTOR not in note]
+    notes = [note for log in logs for note in log.notes if not any(w in note for w in DOUBTED)]
     notes += standing(logs, names) if method != "arm" and options.payloads is None else []
     arm = None
     if method == "dynamic":

@@ -14,7 +14,7 @@ from backdrive.identification.motion import identify_motion
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.user_delay import contradiction
 from backdrive.logs import health
-from backdrive.logs.log import NO_FACTOR, Log
+from backdrive.logs.log import DOUBTED, Log
 
 ANOTHER_UNIT = 1.5  # ratio of the strokes of motion and plan, or its inverse, that indicates another unit [-]
 SCALED = 0.1  # relative deviation of the stroke from the plan above which there is a remark [-]
@@ -24,7 +24,8 @@ APART = 0.05  # least relative difference of velocity and change of position wit
 
 def unit_by_name(case: Case) -> Remark | None:
     """Remark on a column that was taken as SI against what its name says."""
-    notes = " ".join(dict.fromkeys(note for log in case.logs for note in log.notes if NO_FACTOR in note))
+    doubted = (note for log in case.logs for note in log.notes if any(words in note for words in DOUBTED))
+    notes = " ".join(dict.fromkeys(doubted))
     if not notes:
         return None
     return Remark(

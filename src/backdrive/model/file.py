@@ -142,8 +142,17 @@ def _as_builtin(value: Any) -> Any:
 
 
 def save(model: m.FrictionModel, path: str | Path) -> None:
-    """Write the model file, whole or not at all."""
-    write_whole(path, encode(model))
+    """Write the model file, whole or not at all.
+
+    Raises:
+        ModelFileError: a number is beyond any machine, so that the file would be refused when it is read.
+    """
+    data = encode(model)
+    try:
+        decode(data)
+    except ModelFileError as error:
+        raise ModelFileError(f"The model is not written: {error.message}", remedy=error.remedy) from error
+    write_whole(path, data)
 
 
 def _rows(cls: type[R], values: dict[str, Value], where: str, unit: str) -> R:

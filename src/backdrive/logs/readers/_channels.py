@@ -8,8 +8,9 @@ from difflib import get_close_matches
 import numpy as np
 
 from backdrive.errors import MappingError
-from backdrive.logs.log import AS_SI, LARGEST, NO_FACTOR
+from backdrive.logs.log import AS_SI, LARGEST
 from backdrive.logs.readers import units
+from backdrive.logs.readers._doubts import doubtful_factor
 from backdrive.logs.readers._expression import CHANNEL_OF, Column, Sum, Term
 from backdrive.logs.readers._names import KINDS
 from backdrive.logs.readers._shapes import orient
@@ -256,7 +257,7 @@ class Values:
             MappingError: the unit and a factor contradict each other, or both would apply.
         """
         stated = None if full in self._said_by_name else units.parse(self.stated.get(full, ""))
-        if word and stated is not None:
+        if word and stated is not None and stated.kind != "raw":
             if not np.isclose(stated.factor, CONSTANTS[word], rtol=1e-12):
                 raise MappingError(
                     f"--map {_SHORT[channel]}: '{full}' is stated in {self.stated[full]}, not in {word}.",
@@ -273,11 +274,8 @@ class Values:
             self.notes.append(
                 f"'{full}' {AS_SI}, as its factor is 1, though its name says {self.stated[full]}."
             )
-        ending = units.split_suffix(full)[1]
-        unlikely = ("ma", "%") if channel == "torque" else ("deg", "deg/s", "rpm")
-        if plain and ending in unlikely and channel != "time":
-            why = "as its factor is 1" if 1.0 in term.numbers else NO_FACTOR
-            self.notes.append(f"'{full}' {AS_SI}, {why}, though its name ends with {ending}.")
+        if (doubt := doubtful_factor(channel, term, full)) and not word:
+            self.notes.append(doubt)
         if stated is not None and stated.kind in KINDS[channel]:
             self._settle(channel, stated.kind)
         if stated is None or plain or stated == units.Unit(stated.kind):

@@ -243,7 +243,8 @@ def _split_joint(column: str) -> tuple[str, str]:
 
 
 def _hit(column: str, leaf: str, unit: str, settled: Container[str], notes: list[str]) -> _Hit | None:
-    shorter = units.split_suffix(bare(leaf))
+    shorter = units.split_suffix(leaf)  # tau_mNm as it stands, and tauDeg in words
+    shorter = shorter if shorter[1] else units.split_suffix(bare(leaf))
     for name, ending in ((leaf, ""), shorter) if shorter[1] else ((leaf, ""),):
         known = _alias(bare(name))
         if known is None:
