@@ -10,6 +10,7 @@ from backdrive.cli import main
 from backdrive.laws import Law, Polyline
 from backdrive.logs.log import Joint
 from backdrive.model import FrictionModel, JointFriction, Validity
+from backdrive.model.file import encode
 
 V = tuple(np.linspace(0.2, 2.0, 6))
 
@@ -39,7 +40,7 @@ def run(tmp_path, monkeypatch, capsys):
         "huge": [joint(level=1e307)],
     }
     for name, joints in files.items():
-        FrictionModel(joints=tuple(joints)).save(tmp_path / f"{name}.json")
+        (tmp_path / f"{name}.json").write_bytes(encode(FrictionModel(joints=tuple(joints))))
     (tmp_path / "broken.json").write_text("{")
     unit = json.loads((tmp_path / "same.json").read_text())
     unit["joints"][0]["parameters"]["positive"]["unit"] = "N"

@@ -165,3 +165,36 @@ def test_a_branch_in_which_the_encoder_shows_nothing_does_not_spoil_the_stiffnes
     resolved, stiffness, elastic = _elastic([still, spring], count)
     assert resolved and elastic
     assert stiffness[0] == pytest.approx(3000.0, rel=0.01)
+
+
+@pytest.mark.parametrize("rest", [0.3, 0.8, 1.2, 6.0])
+@pytest.mark.parametrize("seed", [2, 4, 6])
+def test_a_rest_before_the_first_ramp_is_none_of_it(rest, seed):
+    torque = np.r_[np.zeros(round(rest * RATE)), corners(0.0, 1.8, -1.8, 0.0)[round(RATE) :]]
+    log = ramp_log(torque, noise=0.01, seed=seed)
+    found = identify(log)
+    friction = found.model.joints[0]
+    assert friction.method == "ramp"
+    assert friction.law.rate.coulomb_positive == pytest.approx(BREAK, rel=0.02)
+    assert friction.law.rate.coulomb_negative == pytest.approx(BREAK, rel=0.02)
+    assert friction.dynamics["offset"].value == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_joint_that_rings_as_the_log_begins_still_breaks_away():
+    """The speed at the begin of the first ramp is no creep there."""
+    torque = corners(0.0, 1.8, -1.8, 0.0)
+    t = np.arange(torque.size) / RATE
+    ringing = 0.0005 * np.exp(-t / 2.0) * np.cos(2.0 * np.pi * 11.0 * t)
+    position = COUNT * np.round((yielding(torque) + ringing) / COUNT)
+    shaken = Log(time=t, joints=(Joint(name="a"),), position=position, torque=torque)
+    friction = identify(shaken, method="ramp").model.joints[0]
+    assert friction.law.rate.coulomb_negative == pytest.approx(BREAK, rel=0.03)
+    assert not any("did not break away along -q" in said for said in friction.warnings)
+
+
+def test_noise_raises_no_lower_bound():
+    """Of 36,000 samples the largest is four standard deviations off."""
+    log = ramp_log(corners(0.0, 1.2, -1.2, 0.0), noise=0.1)
+    friction = identify(log, method="ramp").model.joints[0]
+    assert 1.1 < friction.law.rate.coulomb_positive <= 1.2
+    assert 1.1 < friction.law.rate.coulomb_negative <= 1.2

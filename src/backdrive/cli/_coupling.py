@@ -19,7 +19,7 @@ def matrix_from(path: Path | None) -> list[list[float]] | None:
     """
     if path is None:
         return None
-    text = read_whole(path, MOST_MATRIX).decode(errors="replace")
+    text = read_whole(path, MOST_MATRIX).decode("utf-8-sig", errors="replace")
     try:
         if text.lstrip().startswith("["):
             rows = json.loads(text)

@@ -41,7 +41,7 @@ def command(
 ) -> None:
     """Compare two models joint by joint: the distances of their curves, and whether noise explains them.
 
-    Exits with 0 if no joint changed, with 1 if one did, with 2 if no test is possible.
+    Exits with 0 if no joint changed, with 1 if one did, with 2 if none did but a joint cannot be tested.
 
     Example: backdrive compare monday.json friday.json
 
@@ -72,10 +72,11 @@ def command(
             raise
         raise InvalidInput(f"{first} and {second}: {error.message}", remedy=error.remedy) from error
     unjudged = None
-    if not comparison.is_testable:
+    if not comparison.joints_with_change and (untold := comparison.joints_without_test):
         remarks = (r for c in comparison.changes for r in c.remarks if "standard errors" in r)
+        of = "" if len(untold) == len(comparison.changes) else f" of {', '.join(untold)}"
         unjudged = InvalidInput(
-            "The test cannot decide whether friction has changed.", remedy=next(remarks, "")
+            f"The test cannot decide whether friction{of} has changed.", remedy=next(remarks, "")
         )
     if as_json:
         _print_json(comparison, unjudged)

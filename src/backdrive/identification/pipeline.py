@@ -184,9 +184,8 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     warnings: list[str] = []
     logs = [healthy(log, accept, repair, warnings) for log in logs]
     held_out = [healthy(log, accept, repair, warnings) for log in held_out]
-    warnings += [
-        note for log in logs for note in log.notes if AS_SI in note and not any(w in note for w in DOUBTED)
-    ]
+    doubted = [note for log in logs for note in log.notes if any(words in note for words in DOUBTED)]
+    warnings += [note for log in logs for note in log.notes if AS_SI in note and note not in doubted]
     names, idle = moving_joints(logs, joints)
     method, reason = _method(logs, names, options)
     options.applicable(method)
@@ -197,7 +196,7 @@ def identify(  # noqa: PLR0913  (its options are given by keyword)
     warnings += [TOGETHER] if method == "motion" and move_together(logs, names) else []
     more: dict[str, Any] = {}
     settings: dict[str, Any] = {}
-    notes = [note for log in logs for note in log.notes if not any(w in note for w in DOUBTED)]
+    notes = [note for log in logs for note in log.notes if note not in doubted]
     notes += standing(logs, names) if method != "arm" and options.payloads is None else []
     arm = None
     if method == "dynamic":

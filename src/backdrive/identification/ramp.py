@@ -21,6 +21,7 @@ from backdrive.identification.ramp_branches import (
     Branch,
     branches_of,
     low_pass_torque,
+    ramp_turns,
 )
 from backdrive.identification.signals import spans
 from backdrive.identification.sweep_windows import turning_points
@@ -113,7 +114,7 @@ def presliding(logs: Sequence[Log], joint: str | int) -> Presliding:
             remedy="Record it along `backdrive plan ramp`, slowly, from rest; or use --method motion.",
         )
     width, area = hysteresis_loop(singles, [speed for _, speed, _ in found])
-    ends = [_ends(log.driving_torque[:, 0]) for log in singles]
+    ends = [_ends(log) for log in singles]
     return Presliding(
         branches=tuple(branches),
         count=count,
@@ -147,7 +148,7 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     if _bends(torque, noise, single.period):
         return False
     smooth, rate, _ = low_pass_torque(single)
-    turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
+    turns = ramp_turns(smooth, BRANCH, EDGE * rate)
     if turns.size < 2 or np.diff(turns).sum() < RAMPED * len(single):
         return False
     edge = round(EDGE * rate)
@@ -178,7 +179,7 @@ def _bends(torque: np.ndarray, noise: float, period: float) -> bool:
     if means.size < FEWEST:
         return False
     span, edge = float(np.ptp(means)), 1 + int(np.ceil(EDGE / (width * period)))
-    turns = turning_points(means, WITHIN * BRANCH * span).tolist()
+    turns = ramp_turns(means, WITHIN * BRANCH, edge).tolist()
     parts = [means[a + edge : b - edge] for a, b in pairwise(turns) if b - a >= 2 * edge + SHORTEST]
     size = sum(part.size for part in parts)
     return sum(map(_off_line, parts)) > size * (CLEARLY * (STRAIGHT * span + noise)) ** 2
@@ -228,12 +229,15 @@ def _with_displacement(branches: Sequence[Branch], count: float) -> list[Branch]
     return [b for b in branches if float(np.ptp(b.position)) >= RESOLVED * count]
 
 
-def _ends(torque: np.ndarray) -> tuple[float, float]:
-    """Return the smallest and the largest torque without the contribution of noise [N.m or N]."""
-    low, high, noise = float(torque.min()), float(torque.max()), NOISE * white_noise(torque)
-    if noise < ROUNDING * (high - low):
+def _ends(log: Log) -> tuple[float, float]:
+    """Return the smallest and the largest torque without the contribution of noise [N.m or N]: of many samples one is far off."""
+    torque = log.driving_torque[:, 0]
+    low, high, noise = float(torque.min()), float(torque.max()), white_noise(torque)
+    if NOISE * noise < ROUNDING * (high - low):
         return low, high
-    return min(low + noise, 0.5 * (low + high)), max(high - noise, 0.5 * (low + high))
+    smooth, rate, cutoff = low_pass_torque(log)
+    low, high, left = float(smooth.min()), float(smooth.max()), NOISE * noise * (2.0 * cutoff / rate) ** 0.5
+    return min(low + left, 0.5 * (low + high)), max(high - left, 0.5 * (low + high))
 
 
 def _break_away(branches: Sequence[Branch], direction: int) -> tuple[float, float] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,9 +16,13 @@ from backdrive.logs.log import Log
 
 CUTOFF = 20.0  # cutoff frequency of the low pass on torque and position of a ramp [Hz]
 BRANCH = 0.2  # least torque range of a ramp, relative to the whole torque range [-]
-SLIPS = 30.0  # least speed of a slip, relative to the speed at the start of the ramp [-]
+SLIPS = 30.0  # least speed of a slip, relative to that at the start of the log, or in a quiet tenth of its ramps [-]
+QUIET = 0.25  # share of the tenths of all ramps that are quieter [-]
 FLICKER = 10.0  # least speed of a slip [count per period of the low pass]
 RESOLVED = 5.0  # least displacement before break-away that determines a stiffness [count]
+GRID = 400  # about the number of samples at which the begin of the first ramp is sought
+LATEST = 0.8  # latest such begin, relative to the ramp's end [-]
+CLEARER = 0.8  # largest sum of squares of a rest and a line, relative to that of a line [-]
 START = 0.3  # first part of a branch's torque range, which gives the tangent stiffness [-]
 
 
@@ -66,12 +71,16 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
     """Return the branches of one log, the speed above which the joint slips, and the torque before the first ramp."""
     torque, position = log.driving_torque[:, 0], log.need("position")[:, 0]
     smooth, rate, cutoff = low_pass_torque(log)
-    turns = turning_points(smooth, BRANCH * float(np.ptp(smooth)))
+    turns = ramp_turns(smooth, BRANCH, EDGE * rate)
     if turns.size < 2:
         return [], 0.0, float(torque[0])
     velocity = filters.derivative(filters.low_pass(position, cutoff, rate), log.period)
-    first = slice(turns[0], turns[0] + max(2, (turns[1] - turns[0]) // 10))
-    slips = max(SLIPS * float(np.median(np.abs(velocity[first]))), FLICKER * count * cutoff)
+    tenths = [part for a, b in pairwise(turns) for part in np.array_split(np.abs(velocity[a:b]), 10)]
+    low = int(turning_points(smooth, BRANCH * float(np.ptp(smooth)))[0])
+    start = np.median(np.abs(velocity[low : low + max(2, (int(turns[1]) - low) // 10)]))
+    quiet = np.quantile([np.median(part) for part in tenths if part.size], QUIET)
+    creeps = float(min(start, quiet))  # as a log begins the joint may ring, and later it slides
+    slips = max(SLIPS * creeps, FLICKER * count * cutoff)
     stuck = np.abs(velocity) < slips
     for start, stop in spans(~stuck):
         if np.ptp(position[start:stop]) < RESOLVED * count:
@@ -102,6 +111,33 @@ def branches_of(log: Log, count: float) -> tuple[list[Branch], float, float]:
                 )
             )
     return result, slips, _before(torque, smooth, turns, rate)
+
+
+def ramp_turns(smooth: np.ndarray, branch: float, edge: float) -> np.ndarray:
+    """Return the samples at which ramps begin and end, (k,); a rest before the first one is none of it.
+
+    Args:
+        smooth: low-passed torque [N.m or N], (n,).
+        branch: least range of a ramp, relative to that of the torque [-].
+        edge: shortest rest that counts [sample].
+    """
+    turns = turning_points(smooth, branch * float(np.ptp(smooth)))
+    if turns.size < 2:
+        return turns
+    every = max(1, int(turns[1]) // GRID)
+    y = smooth[: int(turns[1]) + 1 : every]
+    time = np.arange(y.size, dtype=float)
+    bent = np.maximum(
+        time - time[: int(LATEST * y.size) + 1, None], 0.0
+    )  # a level, and a line from each sample on
+    bent -= bent.mean(axis=1, keepdims=True)
+    off = y - y.mean()
+    left = off @ off - (bent @ off) ** 2 / np.maximum(np.sum(bent**2, axis=1), 1e-300)
+    at = int(np.argmin(left))
+    if left[at] < CLEARER * left[0] and at * every > turns[0] + edge:
+        turns = turns.copy()
+        turns[0] = at * every
+    return turns
 
 
 def _before(torque: np.ndarray, smooth: np.ndarray, turns: np.ndarray, rate: float) -> float:

@@ -23,11 +23,8 @@ from backdrive.logs.values import check_period, read_only
 #: sample.
 LARGEST = 1e60
 AS_SI = "was taken as SI"  # words of a note on a doubtful unit
-NO_FACTOR = "as --map gives no factor"  # words of the same note where nobody said that the unit is right
-LARGE_FACTOR = (
-    "a large factor for its unit"  # words of the same note where a factor seems to be that of another unit
-)
-DOUBTED = (NO_FACTOR, LARGE_FACTOR)
+#: Words of the same note where nobody said that the unit is right: without a factor, or with one that seems of another unit.
+DOUBTED = "as --map gives no factor", "a large factor for the unit in its name"
 WRENCH = 6  # numbers of a wrench
 
 #: Per-sample, per-joint channels of a `Log`, each with the SI unit for a rotary and for a linear joint.

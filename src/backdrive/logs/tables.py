@@ -110,7 +110,7 @@ def log_of_frame(frame: Any, **options: Any) -> Log:
     order: np.ndarray | None = None
     for name, value in columns.items():
         if not joints and holds_names(str(name)) and value.dtype.kind in "OU" and value.size:
-            rows: list[object] = [row.tolist() if isinstance(row, np.ndarray) else row for row in value]
+            rows: list[object] = [list(row) if np.ndim(row) else row for row in value]
             joints, order = read_names(rows, str(name), notes)
             continue
         array = _seconds(value)

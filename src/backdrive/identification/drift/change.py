@@ -192,7 +192,8 @@ def change_of(
     else:
         without = [n for n, p in zip(("first", "second"), parts, strict=True) if p is None]
         who = "Neither model has" if len(without) == 2 else f"The {without[0]} model has no"
-        remarks.append(f"{who} standard errors, so no test is possible: identify again without --literal.")
+        why = "the warnings of the model say why; what was identified with --literal has none"
+        remarks.append(f"{who} standard errors, so no test is possible: {why}.")
     return Change(
         joint=b.name,
         unit=a.torque_unit,

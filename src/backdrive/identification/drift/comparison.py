@@ -12,7 +12,9 @@ from backdrive.errors import InvalidInput, check_type
 from backdrive.identification.coupling import coupling_of_one
 from backdrive.identification.drift.change import ALARM, REACH, Change, change_of, kind_of
 from backdrive.identification.names import rename_joints, same_names
+from backdrive.identification.quality import grade
 from backdrive.model import FrictionModel
+from backdrive.model.joint_friction import JointFriction
 
 PAIR = "first", "second"
 PAIRING = either("names of joints, or a dict from one model's to the other's", TABLE, NAMES)
@@ -36,6 +38,11 @@ class Comparison(Display):
     def joints_with_change(self) -> tuple[str, ...]:
         """Return the joints whose friction changed by more than chance."""
         return tuple(c.joint for c in self.changes if c.is_significant)
+
+    @property
+    def joints_without_test(self) -> tuple[str, ...]:
+        """Return the joints whose models lack the standard errors that a test needs."""
+        return tuple(c.joint for c in self.changes if not c.is_testable)
 
     @property
     def is_testable(self) -> bool:
@@ -109,8 +116,16 @@ def compare(
     second = _rename_joints(second, rename or {})
     pairs, left_out = _pairs(first, second, joints, is_told=bool(joints or rename))
     left_out += coupling_of_one(first, second)
-    changes = [change_of(first.joint(a), second.joint(b), top_speed=top_speed, alarm=alarm) for a, b in pairs]
+    changes = [_change(first.joint(a), second.joint(b), top_speed, alarm) for a, b in pairs]
     return Comparison(changes=tuple(changes), left_out=tuple(left_out), models=(first, second))
+
+
+def _change(first: JointFriction, second: JointFriction, top_speed: float | None, alarm: float) -> Change:
+    """Return the change of a joint, with a remark where one of its models is of no worth."""
+    change = change_of(first, second, top_speed=top_speed, alarm=alarm)
+    poor = [name for name, one in zip(PAIR, (first, second), strict=True) if grade(one).level == "poor"]
+    said = [f"The {name} model of it was graded as not credible or poor." for name in poor]
+    return replace(change, remarks=(*said, *change.remarks)) if said else change
 
 
 def _rename_joints(model: FrictionModel, names: Mapping[str, str]) -> FrictionModel:

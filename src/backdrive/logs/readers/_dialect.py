@@ -169,7 +169,7 @@ def _kind(cell: str, comma: bool) -> str:
     return "commented" if _COMMENTED.match(cell) else "text"
 
 
-class _Judged(NamedTuple):
+class _Score(NamedTuple):
     """A delimiter with its score: numbers a row, in the share of lines that agree on a width; and what it makes of the rows."""
 
     score: float
@@ -181,14 +181,14 @@ class _Judged(NamedTuple):
     blank: int = 0
 
 
-_NOTHING = _Judged(0.0, "")
+_NOTHING = _Score(0.0, "")
 
 
-def _judge(lines: list[str], delimiter: str) -> _Judged:
+def _judge(lines: list[str], delimiter: str) -> _Score:
     try:
         table = [cells(line, delimiter) for line in lines]
     except csv.Error:
-        return _Judged(0.0, delimiter)
+        return _Score(0.0, delimiter)
     widths = Counter(len(row) for row in table)
     width, lines_so_wide = max(widths.items(), key=lambda item: (item[1], item[0])) if widths else (0, 0)
     rows = [row for row in table if len(row) == width]
@@ -204,7 +204,7 @@ def _judge(lines: list[str], delimiter: str) -> _Judged:
             if any(kind != "empty" for kind in kinds):
                 score += sum(weight[kind] for kind in kinds) / len(kinds)
     score *= lines_so_wide / max(len(lines), 1)
-    return _Judged(score, delimiter, width, comma, commas, tuple(numeric), blank)
+    return _Score(score, delimiter, width, comma, commas, tuple(numeric), blank)
 
 
 def _decimal_commas(rows: list[list[str]], width: int) -> tuple[bool, frozenset[int]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from backdrive.logs.log import AS_SI, LARGE_FACTOR, NO_FACTOR
+from backdrive.logs.log import AS_SI, DOUBTED
 from backdrive.logs.readers import units
 from backdrive.logs.readers._expression import Term
 
@@ -17,6 +17,7 @@ UNLIKELY: dict[str, tuple[float, float]] = {
     "deg/s": (math.inf, 0.5),
     "rpm": (math.inf, 0.5),
 }
+NO_FACTOR, LARGE_FACTOR = DOUBTED
 OF_TORQUE = ("ma", "%", "mnm")
 
 

@@ -38,8 +38,9 @@ def side_by_side(
     Args:
         first: gives the clock.
         others: path and columns of each file to join.
-        map: as in `--map`; its time column is used for every file that contains it, and there may be one a file; the others' is
-            told by its name. In a joined file without a header the first column is the time if it increases.
+        map: as in `--map`; its time column is used for every file that contains it, and there may be one a file, in their
+            order where columns have the same name; the others' is told by its name. In a joined file without a header the first
+            column is the time if it increases.
 
     Raises:
         MappingError: a file has no recognizable time, the clocks do not overlap, or no file contains a time column.
@@ -49,6 +50,8 @@ def side_by_side(
     rest, times = _times_apart(map, names)
     asked = _expression.parse(rest, names) if rest is not None else {}
     own = [_own_time(columns, times) for columns in files]
+    if len(times) == len(files) and all(_holds(*both) for both in zip(files, times, strict=True)):
+        own = list(times)  # of equal names each file has its own, in the files' order
     for text, _ in times:
         if text not in [of_file for of_file, _ in own]:
             raise MappingError(
@@ -81,10 +84,11 @@ def _times_apart(
 
 def _own_time(columns: Columns, times: Sequence[tuple[str, Any]]) -> tuple[str, Any]:
     """Return the first of several times that a file can have, as written and as sums; nothing where it can have none."""
-    for text, sums in times:
-        if all(_has(columns, name) for name in columns_of(sums)):
-            return text, sums
-    return "", None
+    return next((time for time in times if _holds(columns, time)), ("", None))
+
+
+def _holds(columns: Columns, time: tuple[str, Any]) -> bool:
+    return all(_has(columns, name) for name in columns_of(time[1]))
 
 
 def _as_time(sums: Any) -> dict[str, Any]:
@@ -146,7 +150,8 @@ def join(
     if _in_another_unit(clock, stamps):
         raise MappingError(
             f"{path} and the first file have times of different units: {_span(stamps)}, and {_span(clock[np.isfinite(clock)])}.",
-            remedy="Name both times in seconds; one in ms is --map t=0.001*COLUMN, once a file where they differ.",
+            remedy="Name both times in seconds; one in ms is --map t=0.001*COLUMN. Where they differ, name one a file, in the "
+            "files' order: t=COLUMN,t=0.001*COLUMN.",
         )
     if not keep.all():
         notes.append(f"{np.count_nonzero(~keep)} samples before, after or in a gap of {path} were left out.")

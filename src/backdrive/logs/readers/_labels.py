@@ -110,7 +110,7 @@ def names_by_index(
     return read_names(rows, "name[...]", notes)
 
 
-def indexed_in_order(
+def columns_in_order(
     arrays: dict[str, np.ndarray], order: np.ndarray | None, notes: list[str]
 ) -> dict[str, np.ndarray]:
     """Return columns such as `position[0]`, `position[1]`, (n,) each, with the numbers where `names_by_index` has found them."""

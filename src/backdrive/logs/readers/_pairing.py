@@ -27,7 +27,7 @@ def pair_joints(values: Values, asked: Mapping[str, Any], found: Guess) -> tuple
     """
     if not set(asked) - {"time"}:
         return ()
-    known, lists = _known(values, asked, found)
+    known, lists = _joints_of(values, asked, found)
     if not known:
         return ()
     main = lists[0] if lists else next(c for c in CHANNELS if c in known)
@@ -50,7 +50,7 @@ def pair_joints(values: Values, asked: Mapping[str, Any], found: Guess) -> tuple
     return tuple(known[main]) if all(known[main]) else ()
 
 
-def _known(
+def _joints_of(
     values: Values, asked: Mapping[str, Any], found: Guess
 ) -> tuple[dict[str, Sequence[str]], list[str]]:
     """Return the joints of each channel by name, in its order, and the channels that a `--map` lists."""
@@ -70,14 +70,14 @@ def _known(
             if len(found.joints) == width:
                 known[channel] = found.joints
         elif asked[channel] is not None:
-            names = [joint_of[name] for name in _listed(values, asked[channel]) if name in joint_of]
+            names = [joint_of[name] for name in _columns_in(values, asked[channel]) if name in joint_of]
             if len(names) == width:
                 known[channel] = names
                 lists.append(channel)
     return known, lists
 
 
-def _listed(values: Values, sums: Any) -> list[str]:
+def _columns_in(values: Values, sums: Any) -> list[str]:
     """Return the columns of the first term with any of each sum, by their names in the file."""
     first = [next((term for term in terms if term.columns), None) for terms in sums]
     written = columns_of([(term,) for term in first if term is not None])

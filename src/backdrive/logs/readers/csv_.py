@@ -18,9 +18,9 @@ from backdrive.logs.readers import _arrow, _list_cells
 from backdrive.logs.readers._blocks import numbers
 from backdrive.logs.readers._dialect import Dialect, cells, number, sniff
 from backdrive.logs.readers._labels import (
+    columns_in_order,
     holds_names,
     in_order,
-    indexed_in_order,
     is_indexed_name,
     names_by_index,
     read_names,
@@ -72,7 +72,7 @@ def read(path: str, options: ReadOptions) -> Columns:
         ):
             arrays[name] = table[i]
     origin = {dialect.names[i]: _begin(words[i][0]) for i in times if words[i]}
-    arrays = indexed_in_order(arrays, order, notes)
+    arrays = columns_in_order(arrays, order, notes)
     return Columns(arrays=arrays, units=dialect.units, joints=joints, notes=tuple(notes), origin=origin)
 
 

@@ -86,7 +86,11 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
             values.add_columns(channel, names_of)
     wrench = _wrench(values, asked.get("wrench"))
     if not {"position", "velocity"} & set(values.arrays):
-        doubt = found.doubt or "no column has a name that means position or velocity"
+        doubt = (
+            found.doubt
+            or " ".join(values.notes).rstrip(".")
+            or "no column has a name that means position or velocity"
+        )
         raise MappingError(
             f"No position or velocity was found: {doubt}.",
             remedy=f"Name the columns with --map, for example t=..., q=... or dq=..., tau=... . Columns: {describe(columns)}.",
