@@ -9,7 +9,7 @@ import pytest
 
 from backdrive import _memory, identify
 from backdrive.errors import InvalidInput
-from backdrive.identification import block_prediction, delay, noise, quality, regression, waves
+from backdrive.identification import block_prediction, delay, lag_products, quality, regression, waves
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.signals import Signals
 from backdrive.logs import filters
@@ -41,7 +41,7 @@ def test_small_pieces_change_no_result(logs, monkeypatch):
     pieces = (
         (block_prediction, "CHUNK", 1000),
         (delay, "PIECE", 1000),
-        (noise, "PIECE", 50),
+        (lag_products, "PIECE", 50),
         (quality, "LONG", 100),
         (regression, "PIECE", 37),
         (waves, "FITS", 100),
@@ -79,12 +79,12 @@ def test_a_shift_in_pieces_is_that_of_every_sample(samples, monkeypatch):
 
 @pytest.mark.parametrize("piece", [7, 1000])
 def test_products_with_a_correlation_by_their_spectrum(piece, monkeypatch):
-    monkeypatch.setattr(noise, "PIECE", piece)
+    monkeypatch.setattr(lag_products, "PIECE", piece)
     X, rho = np.random.default_rng(0).standard_normal((70, 3)), 0.8 ** np.arange(12)
     lags = np.abs(np.subtract.outer(np.arange(70), np.arange(70)))
     T = np.where(lags < 12, 0.8**lags, 0.0)
     each = np.fft.rfft(X.T, filters.fft_length(70 + 12))
-    assert noise._between_columns(each, rho) == pytest.approx(X.T @ T @ X, abs=1e-11)
+    assert lag_products.between_columns(each, rho) == pytest.approx(X.T @ T @ X, abs=1e-11)
 
 
 def test_a_low_pass_writes_where_it_is_told():

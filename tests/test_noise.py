@@ -6,7 +6,7 @@ from scipy import stats
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from backdrive.identification import noise
+from backdrive.identification import lag_products, noise
 from backdrive.identification.noise import Noise, noise_of, taper
 from backdrive.identification.signals import prepare
 from backdrive.identification.sweep import sweep_knots
@@ -42,7 +42,7 @@ def test_what_a_fit_takes_from_the_products_is_that_of_the_projected_matrix(degr
     P = np.eye(40) - Q @ Q.T
     missing = matrix(40) - P @ matrix(40) @ P
     expected = [np.trace(missing, lag) for lag in range(12)]
-    assert noise._fit_loss(Q, noise._products(Q, 12), RHO) == pytest.approx(expected, abs=1e-12)
+    assert noise._fit_loss(Q, lag_products.products(Q, 12), RHO) == pytest.approx(expected, abs=1e-12)
 
 
 @pytest.mark.parametrize("weights", [np.ones(1), np.array([1.0, 0.6, 0.2]), np.array([1.0, -0.5])])
@@ -155,3 +155,24 @@ def test_errors_of_a_fit_to_slow_noise_cover_what_they_promise():
         z.append(theta / np.sqrt(np.diag(covariance)))
     assert float(np.sqrt(np.mean(np.square(z)))) == pytest.approx(1.0, abs=0.1)
     assert float(np.mean(np.abs(z) < 1.96)) == pytest.approx(0.95, abs=0.03)
+
+
+def test_errors_hold_where_runs_are_shorter_than_the_noise_remembers():
+    """Of slow noise in a few short runs, the correlation is seen to a part of its length only."""
+    rng, sizes, far = np.random.default_rng(12), 2 * [207, 110, 75, 55, 44], []
+    speeds = [1.0 - np.linspace(-1.0, 1.0, n) ** 2 for n in sizes]
+    for _ in range(100):
+        runs = [autoregression(rng, n, 0.95) for n in sizes]
+        found = noise_of(runs, speeds)
+        for k in (0, 5):
+            mean = np.full((1, sizes[k]), 1.0 / sizes[k])
+            far.append(runs[k].mean() / np.sqrt(found.covariance(mean, k)[0, 0]))
+    assert np.mean(np.abs(far) > 3.0) <= 0.05  # 0.095 by what is seen of the correlation
+    assert 0.3 < np.median(np.abs(far)) < 0.9
+
+
+def autoregression(rng, size, correlation):
+    e, x = rng.standard_normal(size + 200), np.zeros(size + 200)
+    for k in range(1, x.size):
+        x[k] = correlation * x[k - 1] + e[k]
+    return x[200:]

@@ -56,6 +56,10 @@ def by_hand(residuals, velocities, degree):
             count += np.maximum(n - np.arange(lags), 0) / kept[i]
         whole = total / count
         correlation = whole_then_falling(whole / whole[0], sum(r.size for r in left))
+    first, count = correlation[1] if correlation.size > 1 else 0.0, sum(r.size for r in left)
+    if first > 0.0 and count * (1.0 - first) / (1.0 + first) <= 50.0:  # too few to see it to its end
+        regular = first ** np.arange(max(r.size for r in left))
+        correlation = regular if sum(regular) > sum(correlation) else correlation
     own = power / kept
     independent = np.array([r.size for r in left]) / max(2.0 * sum(correlation) - 1.0, 1.0)
     mean = np.sum(independent * own) / np.sum(independent)

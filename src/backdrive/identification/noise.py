@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from backdrive.identification import regression
+from backdrive.identification.lag_products import between_columns, products, sums, toeplitz
 from backdrive.identification.repeats import with_repeats
 from backdrive.logs.filters import fft_length
 
@@ -29,8 +30,8 @@ QUIET = 10  # number of consecutive insignificant lags that end the correlation
 ROUNDS = 4  # number of iterations; in each, the part removed by the fit follows from the last correlation
 WHOLE = 10.0  # weight of the noise of all runs in the noise of one run [independent sample]
 RARE = 0.99865  # share of normal errors below three standard ones [-]
+FEW = 50.0  # independent samples up to which a correlation cannot be seen to its end
 FEWEST = 3.0  # least degrees of freedom of an error
-PIECE = 16_384  # number of frequencies whose products are summed together
 SLOW = 0.02  # least share of columns in the independent samples with which the colour counts in what a fit takes [-]
 SLOWER = 2.0  # variance of a sum by that for white noise above which noise is slow [-]
 LONG = 100_000  # number of samples above which a fit takes hardly anything
@@ -59,7 +60,7 @@ class Noise:
             z: rows of weights, (k, n).
             run: index of the run.
         """
-        full = z @ _toeplitz(z.T, self.correlation)
+        full = z @ toeplitz(z.T, self.correlation)
         white = z @ z.T
         return (self.widening[run] * self.size[run]) ** 2 * _possible(full, white)
 
@@ -79,9 +80,9 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
     raw = np.zeros(lags)
     for r, p in zip(left, power, strict=True):
         if p > 0.0:
-            raw += _sums(r, lags) / p
+            raw += sums(r, lags) / p
     correlation, weights, kept = np.ones(1), np.ones(1), np.ones(len(left))
-    pairs = [_products(Q, lags) for Q in bases]
+    pairs = [products(Q, lags) for Q in bases]
     for _ in range(ROUNDS):
         taken, count = np.zeros(lags), np.full(lags, 1e-300)
         for i, (Q, QQ) in enumerate(zip(bases, pairs, strict=True)):
@@ -95,6 +96,7 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
         raw_correlation = whole / whole[0]
         weights = lag_weights(raw_correlation, sum(r.size for r in left))
         correlation = raw_correlation[: weights.size] * weights
+    correlation = _if_few(correlation, lags, sum(r.size for r in left))
     wide = max(float(correlation[0] + 2.0 * correlation[1:].sum()), 1.0)
     independent = np.array([r.size for r in left]) / wide
     size = np.sqrt(power / kept)
@@ -102,6 +104,21 @@ def noise_of(residuals: Sequence[np.ndarray], velocities: Sequence[np.ndarray], 
     squares = 2.0 * float(weights[1:] @ weights[1:])  # the variance of a sum of correlations, by that of one
     freedom = 1.0 / (1.0 / (independent + WHOLE - (degree + 1)) + squares / sum(r.size for r in left))
     return Noise(correlation=correlation, size=np.maximum(size, shrunk), widening=rare(freedom))
+
+
+def _if_few(correlation: np.ndarray, lags: int, count: int) -> np.ndarray:
+    """Return a correlation, or where it leaves few independent samples an autoregression's, if that is longer.
+
+    Args:
+        correlation: estimated, by lag [-], (L,).
+        lags: number of lags.
+        count: number of samples.
+    """
+    first = float(correlation[1]) if correlation.size > 1 else 0.0
+    if not first > 0.0 or count * (1.0 - first) > FEW * (1.0 + first):
+        return correlation
+    regular = first ** np.arange(lags)
+    return regular if regular[1:].sum() > correlation[1:].sum() else correlation
 
 
 def rare(freedom: float | np.ndarray) -> Any:
@@ -168,28 +185,26 @@ def covariance_of_scores(
     """
     size, p = int(np.count_nonzero(used)), X.shape[1]
     lags = min(LONGEST, len(score))
-    sums = _sums(score, lags)
+    total = sums(score, lags)
     each = np.fft.rfft(X.T, fft_length(len(X) + lags))
     lost = _white_loss(each, inverse, len(X), lags)
-    counts = np.maximum(_sums(used.astype(float), lags), 1.0)
+    counts = np.maximum(sums(used.astype(float), lags), 1.0)
     for _ in range(ROUNDS):
-        products = (sums + sums[0] / max(size - float(lost[0]), LEAST * size) * lost) / counts
-        correlation = taper(products / products[0], size)
+        lagged = (total + total[0] / max(size - float(lost[0]), LEAST * size) * lost) / counts
+        correlation = taper(lagged / lagged[0], size)
         wide = max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
         if p * wide < SLOW * size or size > LONG:
             break
         lost = _loss_of_colour(X, used, inverse, correlation, lags)
     weights = 1.0 - np.arange(correlation.size) / correlation.size  # those that fall from the first lag on
-    other = (
-        _between_columns(each, products[: weights.size] / products[0] * weights) if wide > SLOWER else None
-    )
+    other = between_columns(each, lagged[: weights.size] / lagged[0] * weights) if wide > SLOWER else None
     whole = with_repeats(correlation, score, used)
     if whole.size > correlation.size:
         each = np.fft.rfft(X.T, fft_length(len(X) + whole.size))
         far = np.arange(correlation.size, whole.size)
         wide += 2.0 * float(whole[far] @ (1.0 - far / len(X)))
-    full = _between_columns(each, whole)
-    return products[0] * _possible(full, X.T @ X, other), size / wide
+    full = between_columns(each, whole)
+    return lagged[0] * _possible(full, X.T @ X, other), size / wide
 
 
 def _possible(full: np.ndarray, white: np.ndarray, other: np.ndarray | None = None) -> np.ndarray:
@@ -254,7 +269,7 @@ def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndar
 
     With the shift J_h, averaged with its transpose, that is tr J_h (G - P G P) = 2 tr Q' J_h G Q - tr (Q' J_h Q) (Q' G Q).
     """
-    G = _toeplitz(Q, correlation)
+    G = toeplitz(Q, correlation)
     n = fft_length(len(Q) + QQ.shape[2])
     both = np.conj(np.fft.rfft(Q.T, n)) * np.fft.rfft(G.T, n)
     across = np.fft.irfft(2.0 * both.sum(axis=0).real, n)[: QQ.shape[2]]  # forwards and backwards
@@ -291,60 +306,8 @@ def _loss_of_colour(
         correlation: by lag [-], (L,).
         lags: number of lags.
     """
-    G = _toeplitz(X, correlation) * used[:, None]
+    G = toeplitz(X, correlation) * used[:, None]
     left = 2.0 * G - X @ (inverse @ (X.T @ G))
     size = fft_length(len(X) + lags)
     each, other = np.fft.rfft((X @ inverse).T, size), np.fft.rfft(left.T, size)
     return np.fft.irfft(np.sum(np.conj(each) * other, axis=0).real, size)[:lags]
-
-
-def _sums(x: np.ndarray, lags: int) -> np.ndarray:
-    """Return the sum over k of x_k x_(k+h) for each lag h, (lags,)."""
-    return _products(x[:, None], lags)[0, 0]
-
-
-def _products(x: np.ndarray, lags: int) -> np.ndarray:
-    """Return the sum over k of a_k b_(k+h) for every two columns a and b of x and each lag h, (m, m, lags)."""
-    n = fft_length(x.shape[0] + lags)
-    each = np.fft.rfft(x.T, n)
-    return np.fft.irfft(np.conj(each)[:, None] * each, n)[..., :lags]
-
-
-def _between_columns(each: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-    """Return X' T X for columns X and the symmetric Toeplitz matrix T of a correlation, (p, p).
-
-    Args:
-        each: transforms of the columns on a circle of an even number of samples, at least n + L, (p, m).
-        correlation: by lag [-], (L,).
-    """
-    p, m = each.shape
-    weight = np.fft.rfft(_circle(correlation, 2 * (m - 1))).real / (m - 1)
-    weight[[0, -1]] *= 0.5  # all other frequencies stand for two
-    total = np.zeros((p, p))
-    for first in range(0, m, PIECE):
-        part = each[:, first : first + PIECE]
-        total += ((part * weight[first : first + PIECE]) @ np.conj(part).T).real
-    return total
-
-
-def _circle(correlation: np.ndarray, size: int) -> np.ndarray:
-    """Return a symmetric correlation by lag on a circle, (size,)."""
-    circle = np.zeros(size)
-    circle[: correlation.size] = correlation
-    circle[size - correlation.size + 1 :] = correlation[:0:-1]
-    return circle
-
-
-def _toeplitz(z: np.ndarray, correlation: np.ndarray) -> np.ndarray:
-    """Return the product of a correlation's symmetric Toeplitz matrix and columns z, (n, k).
-
-    Args:
-        z: columns, (n, k).
-        correlation: by lag [-], (L,).
-    """
-    n, m = z.shape[0], min(correlation.size, z.shape[0])
-    if m == 1:
-        return correlation[0] * z
-    size = fft_length(n + m)
-    spectrum = np.fft.rfft(_circle(correlation[:m], size)) * np.fft.rfft(z.T, size)
-    return np.fft.irfft(spectrum, size)[:, :n].T

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive.logs.filters import fft_length
+from backdrive.identification.lag_products import sums
 
 CLEAR = 5.0  # least correlation at a lag that shows a repetition [standard deviation]
 BESIDE = 2.0  # the same of lags beside it [standard deviation]
@@ -26,9 +26,9 @@ def with_repeats(correlation: np.ndarray, score: np.ndarray, used: np.ndarray) -
         score: residuals, 0 at samples that are not used, (n,).
         used: mask of the fitted samples, (n,).
     """
-    near, counts = correlation.size, np.maximum(_products(used.astype(float)), 1.0)
-    sums = _products(score)
-    found = sums / counts * (counts[0] / max(float(sums[0]), 1e-300))
+    near, counts = correlation.size, np.maximum(sums(used.astype(float), used.size), 1.0)
+    total = sums(score, score.size)
+    found = total / counts * (counts[0] / max(float(total[0]), 1e-300))
     scatter = np.sqrt((2.0 * float(correlation @ correlation) - 1.0) / counts)
     open_ = (found > BESIDE * scatter) & (counts >= LEAST)
     open_[:near] = False
@@ -41,9 +41,3 @@ def with_repeats(correlation: np.ndarray, score: np.ndarray, used: np.ndarray) -
     whole[:near] = correlation
     whole[kept[: whole.size]] = found[kept]
     return whole
-
-
-def _products(x: np.ndarray) -> np.ndarray:
-    """Return the sum over k of x_k x_(k+h) for every lag h, (n,)."""
-    size = fft_length(2 * x.size)
-    return np.fft.irfft(np.abs(np.fft.rfft(x, size)) ** 2, size)[: x.size]

@@ -1,0 +1,61 @@
+"""Products of series and of their later samples, and of columns with the matrix of a correlation by lag, by fast transforms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from backdrive.logs.filters import fft_length
+
+PIECE = 16_384  # number of frequencies whose products are summed together
+
+
+def sums(x: np.ndarray, lags: int) -> np.ndarray:
+    """Return the sum over k of x_k x_(k+h) for each lag h, (lags,)."""
+    return products(x[:, None], lags)[0, 0]
+
+
+def products(x: np.ndarray, lags: int) -> np.ndarray:
+    """Return the sum over k of a_k b_(k+h) for every two columns a and b of x and each lag h, (m, m, lags)."""
+    n = fft_length(x.shape[0] + lags)
+    each = np.fft.rfft(x.T, n)
+    return np.fft.irfft(np.conj(each)[:, None] * each, n)[..., :lags]
+
+
+def between_columns(each: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+    """Return X' T X for columns X and the symmetric Toeplitz matrix T of a correlation, (p, p).
+
+    Args:
+        each: transforms of the columns on a circle of an even number of samples, at least n + L, (p, m).
+        correlation: by lag [-], (L,).
+    """
+    p, m = each.shape
+    weight = np.fft.rfft(_circle(correlation, 2 * (m - 1))).real / (m - 1)
+    weight[[0, -1]] *= 0.5  # all other frequencies stand for two
+    total = np.zeros((p, p))
+    for first in range(0, m, PIECE):
+        part = each[:, first : first + PIECE]
+        total += ((part * weight[first : first + PIECE]) @ np.conj(part).T).real
+    return total
+
+
+def _circle(correlation: np.ndarray, size: int) -> np.ndarray:
+    """Return a symmetric correlation by lag on a circle, (size,)."""
+    circle = np.zeros(size)
+    circle[: correlation.size] = correlation
+    circle[size - correlation.size + 1 :] = correlation[:0:-1]
+    return circle
+
+
+def toeplitz(z: np.ndarray, correlation: np.ndarray) -> np.ndarray:
+    """Return the product of a correlation's symmetric Toeplitz matrix and columns z, (n, k).
+
+    Args:
+        z: columns, (n, k).
+        correlation: by lag [-], (L,).
+    """
+    n, m = z.shape[0], min(correlation.size, z.shape[0])
+    if m == 1:
+        return correlation[0] * z
+    size = fft_length(n + m)
+    spectrum = np.fft.rfft(_circle(correlation[:m], size)) * np.fft.rfft(z.T, size)
+    return np.fft.irfft(spectrum, size)[:, :n].T
