@@ -475,3 +475,25 @@ def test_an_encoder_too_coarse_for_the_stiffness(sound, counts, said):
     remark = unseen_presliding(case)
     assert (remark is not None and remark.severity == "care") is said
     assert unseen_presliding(replace(case, friction=result.model.joints[0])) is None
+
+
+def test_a_drift_is_told_by_its_whole_range():
+    log = any_motion(dry)
+    drift = log.replace(torque=log.torque + 4.0 * (log.time / log.time[-1])[:, None])
+    (said,) = [w for w in identify(drift, method="motion").model.joints[0].warnings if "drifts" in w]
+    assert float(said.split("by ")[1].split(" ")[0]) == pytest.approx(4.0, rel=0.1)
+
+
+def test_little_friction_beside_a_large_inertia_lacks_no_torque():
+    """The encoder's steps in the acceleration, by the inertia, are no torque that is missing."""
+    t = np.arange(1600) / 100.0
+    w = 2.0 * np.pi * np.array([0.13, 0.41, 0.9])
+    q = np.sin(np.outer(t, w)) @ np.array([0.9, 0.4, 0.2])
+    v, a = np.cos(np.outer(t, w)) @ (w * [0.9, 0.4, 0.2]), -np.sin(np.outer(t, w)) @ (w**2 * [0.9, 0.4, 0.2])
+    noise = 0.005 * np.random.default_rng(1).standard_normal(t.size)
+    tau = 0.5 * a + 0.15 * np.tanh(v / 0.01) + 0.04 * v + noise
+    step = 2.0 * np.pi / 4096
+    log = Log(
+        time=t, joints=(Joint(name="a"),), position=step * np.round(q / step)[:, None], torque=tau[:, None]
+    )
+    assert not any("slow torque" in said for said in identify(log).model.joints[0].warnings)

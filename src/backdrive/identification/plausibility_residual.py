@@ -122,8 +122,8 @@ def torque_steps(case: Case) -> Remark | None:
 def encoder_steps(case: Case) -> Remark | None:
     """Remark on positions measured in large steps."""
     top = max(abs(v) for v in case.friction.validity.velocity)
-    if not case.count > FEW_STEPS * top * MEAN:
-        return None
+    if case.friction.method == "ramp" or not case.count > FEW_STEPS * top * MEAN:
+        return None  # on a ramp, the joint hardly moves
     return Remark(
         severity="note",
         sentence=f"The encoder's step of {case.count:.3g} {case.friction.joint.unit} lasts {1e3 * case.count / top:.2g} ms even at "
@@ -155,17 +155,18 @@ def structure(case: Case) -> Remark | None:
     static = _static_load(case, res)
     follows_load = f"Friction depends on the load, by {share}: "
     changes = f"Friction changes over the log, by {share}: warming, or changed midway."
+    drifts = f"The torque drifts over the log, by {share}: warming, a bias, or a cable."
     causes: list[tuple[tuple[np.ndarray, ...], str]] = []
     for time in _times(res):
         late = np.sign(time)
         causes += [
-            ((time, late), f"The torque drifts over the log, by {share}: warming, a bias, or a cable."),
+            ((time, late), drifts),
             ((way * time, way * late), changes),
             ((way * time,), changes),
             ((res.predicted * late,), f"The torque changed midway, by {share}: its gain, or its sign."),
         ]
     along = case.friction.method == "motion"  # there a curve is as bent as the data ask for
-    instead = "try --law polyline" if along else "let --law auto choose"
+    instead = "try --law polyline" if along else "try others (--law auto chooses among several)"
     bent = f"Friction over the speed is not that of this law, by {share}: {instead}."
     if not along or isinstance(case.friction.law.rate, CoulombViscous):
         speed = np.abs(res.velocity)
@@ -212,10 +213,11 @@ def structure(case: Case) -> Remark | None:
         return slow_torque(case)
     best, sentence = max(sure, key=lambda pair: pair[0].beyond)
     advice = _of_load(case, static, best.coefficients[0], sentence) if sentence == follows_load else ""
+    amount = 0.5 * best.span if best.wave else best.span if sentence in (drifts, changes) else best.size
     named = (advice or sentence).format(
-        amount=best.size,
+        amount=amount,
         unit=case.unit,
-        share=100.0 * best.size / size,
+        share=100.0 * amount / size,
         wave=2.0 * np.pi / best.wave if best.wave else 0.0,
     )
     grave = best.size > GRAVE * size or (sentence == bent and best.beyond > BENT * size)
@@ -297,7 +299,10 @@ def slow_torque(case: Case) -> Remark | None:
     n = res.time.size // width
     if n < 10:
         return None
-    slow = float(np.sqrt(np.mean(filters.means(res.torque_error, width) ** 2)))
+    means = filters.means(res.torque_error, width)
+    slow = float(
+        np.sqrt(max(np.mean(means[1:] * means[:-1]), 0.0))
+    )  # errors of the acceleration are not alike in neighbours
     if slow <= LEFT * res.size:
         return None
     return Remark(

@@ -29,6 +29,7 @@ MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
 FEWEST_BLOCKS = 8  # least number of blocks for a test, in excess of the number of columns
 WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
+LEAST = 0.05  # the same, relative to the friction: what a model misses about reversals is small beside it [-]
 OUTLYING = 3.0  # the same of a mean
 FINEST = 100.0  # largest number of waves over the range of positions
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
@@ -48,6 +49,7 @@ class Explanation:
         coefficients: of the columns, in their order.
         beyond: root mean square without the part that other dynamics could explain [N.m or N].
         wave: wave number over position, if the columns are a wave [rad/rad or rad/m].
+        span: range of the columns' contribution [N.m or N].
     """
 
     size: float
@@ -55,6 +57,7 @@ class Explanation:
     coefficients: tuple[float, ...] = ()
     beyond: float = 0.0
     wave: float = 0.0
+    span: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,6 +215,7 @@ class Residual:
             chance=chance,
             coefficients=tuple(coefficients.tolist()),
             beyond=beyond,
+            span=float(np.ptp(total)),
         )
 
     @cached_property
@@ -321,7 +325,8 @@ def residual_of(
         error = np.zeros(0) if means_alone else (s.torque - predicted)[slides]
         if error.size:
             error = np.abs(error - median(error))
-            off = error > WILD * 1.4826 * median(error)
+            least = LEAST * float(np.mean(np.abs(friction[slides])))
+            off = error > max(WILD * 1.4826 * median(error), least)
             beside = off[1:] & off[:-1]
             off[1:] &= ~beside
             off[:-1] &= ~beside

@@ -77,8 +77,10 @@ def _of_log(log: Log, cutoff: float | None, share: float) -> Smoothing:
         log, measured, rate, white=share < SHARE
     )  # a finer one would take the motion away
     found = Smoothing(cutoff=cutoff, error=of_motion)
-    if cutoff is not None or not of_motion.size > 0.0:
+    if not of_motion.size > 0.0:
         return found
+    if cutoff is not None:
+        return replace(found, warning=_words_at(log, measured, of_motion, cutoff, rate))
     cutoffs = [default_cutoff(rate)]
     while cutoffs[-1] * FACTOR >= LOWEST:
         cutoffs.append(cutoffs[-1] * FACTOR)
@@ -114,6 +116,22 @@ def _of_log(log: Log, cutoff: float | None, share: float) -> Smoothing:
             "or with a finer sensor."
         )
     return replace(found, cutoff=float(cutoffs[k]) if k else None, note=note if k else "", warning=warning)
+
+
+def _words_at(log: Log, measured: np.ndarray, error: MotionError, cutoff: float, rate: float) -> str:
+    """Return a sentence on the error that a given cutoff frequency [Hz] leaves in the acceleration; empty if it is small."""
+    if not 0.0 < cutoff < 0.5 * rate:
+        return ""
+    wrong = error.in_acceleration(cutoff, rate)
+    right = max(
+        float(_accelerations(measured, [cutoff], rate, 1 if log.position is None else 2)[0]) - wrong, 0.0
+    )
+    if wrong <= SUSPECT**2 * right:
+        return ""
+    return (
+        f"At the given cutoff of {cutoff:.3g} Hz, {_words(error, log)[0]} are {_percent(wrong, right)} of the acceleration: "
+        "inertia, delay and friction may be further off than their errors. Give a lower --cutoff, or none."
+    )
 
 
 def _words(error: MotionError, log: Log) -> tuple[str, str]:
