@@ -116,7 +116,7 @@ def test_the_position_says_whether_a_joint_turns_or_else_the_velocity():
 def test_a_name_that_ends_with_a_unit_is_not_believed_beside_a_map():
     for map, column, noted in (
         ("q=x_deg", "x_deg", "deg"), ("q=-x_deg", "x_deg", "deg"), ("dq=x_rpm", "x_rpm", "rpm"), ("dq=x_deg_s", "x_deg_s", "deg/s"),
-        ("q=x_rad", "x_rad", ""), ("q=2*x_deg", "x_deg", ""), ("q=deg*x_deg", "x_deg", ""), ("q=k*x_deg", "x_deg", ""),
+        ("q=x_rad", "x_rad", ""), ("q=deg*x_deg", "x_deg", ""), ("q=k*x_deg", "x_deg", ""),
     ):  # fmt: skip
         log = log_of(map, **{column: Q, "k": np.array([1.0])})
         notes = [note for note in log.notes if "was taken as SI" in note]
@@ -126,6 +126,9 @@ def test_a_name_that_ends_with_a_unit_is_not_believed_beside_a_map():
             else []
         )
     assert not any("was taken as SI" in note for note in log_of("t=t_deg,q=a", t_deg=T, a=Q).notes)
+    (large,) = [note for note in log_of("q=2*x_deg", x_deg=Q).notes if "was taken as SI" in note]
+    assert large == "'x_deg' was taken as SI, times 2, a large factor for the unit in its name."
+    assert not any("was taken as SI" in note for note in log_of("q=0.0174532925*x_deg", x_deg=Q).notes)
     named = log_of("q=q_deg", q_deg=Q)  # what the name alone says is not applied
     assert named.position.tolist() == Q.tolist()
 
