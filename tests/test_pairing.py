@@ -70,3 +70,12 @@ def test_a_pattern_of_other_joints_is_refused():
         MappingError, match="names of position names the joints arm, elbow, wrist, that of torque a, b, c"
     ):
         to_log(Columns(arrays=arrays), map="tau=*_I")
+
+
+def test_patterns_of_different_joints_are_refused_beside_a_list_too():
+    arrays = dict(columns().arrays) | {f"{name}_I": np.arange(5.0) for name in ("a", "b", "c")}
+    with pytest.raises(
+        MappingError,
+        match="the pattern of torque names the joints wrist, arm, elbow, that of temperature a, b, c",
+    ):
+        to_log(Columns(arrays=arrays), map="q=wrist_pos,arm_pos,elbow_pos,tau=*_effort,temp=*_I")

@@ -129,8 +129,8 @@ def _words_at(log: Log, measured: np.ndarray, error: MotionError, cutoff: float,
     if wrong <= SUSPECT**2 * right:
         return ""
     return (
-        f"At the given cutoff of {cutoff:.3g} Hz, {_words(error, log)[0]} are {_percent(wrong, right)} of the acceleration: "
-        "inertia, delay and friction may be further off than their errors. Give a lower --cutoff, or none."
+        f"At the given cutoff of {cutoff:.3g} Hz, the share of {_words(error, log)[0]} in the acceleration is "
+        f"{_percent(wrong, right)}: inertia, delay and friction may be further off than their errors. Lower --cutoff, or omit it."
     )
 
 

@@ -32,6 +32,9 @@ def pair_joints(values: Values, asked: Mapping[str, Any], found: Guess) -> tuple
         return ()
     main = lists[0] if lists else next(c for c in CHANNELS if c in known)
     wanted = [_key(name) for name in known[main]]
+    first = next(
+        (c for c in CHANNELS if c in values.labels), main
+    )  # a list is what the person wants, patterns must agree
     for channel, names in known.items():
         keys = [_key(name) for name in names]
         if sorted(keys) == sorted(wanted) and len(set(keys)) == len(keys):
@@ -41,9 +44,11 @@ def pair_joints(values: Values, asked: Mapping[str, Any], found: Guess) -> tuple
                 values.notes.append(
                     f"By their columns' names, --map lists {main} of {', '.join(known[main])}, and {channel} of {', '.join(names)}."
                 )
-        elif {channel, main} & set(values.labels) and not {channel, main} & set(lists):
+        elif channel not in lists and _contradicts(
+            channel, against := first if main in lists else main, known, values
+        ):
             raise MappingError(
-                f"--map: {_how('the pattern', main, values)} names the joints {', '.join(known[main])}, "
+                f"--map: {_how('the pattern', against, values)} names the joints {', '.join(known[against])}, "
                 f"{_how('that', channel, values)} {', '.join(names)}.",
                 remedy="Choose patterns that match one column of each joint, or list the columns: q=(a,b),tau=(c,d).",
             )
@@ -82,6 +87,13 @@ def _columns_in(values: Values, sums: Any) -> list[str]:
     first = [next((term for term in terms if term.columns), None) for terms in sums]
     written = columns_of([(term,) for term in first if term is not None])
     return [values.full(name) for name in written if name != INDEX]
+
+
+def _contradicts(channel: str, other: str, known: Mapping[str, Sequence[str]], values: Values) -> bool:
+    """Return whether two channels, of which a pattern names one at least, are of different joints, or one has a joint twice."""
+    one, two = ([_key(name) for name in known[c]] for c in (channel, other))
+    same = sorted(one) == sorted(two) and len(set(one)) == len(one)
+    return not same and bool({channel, other} & set(values.labels))
 
 
 def _how(pattern: str, channel: str, values: Values) -> str:
