@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numba.core.caching import NullCache
 
 import backdrive
+from backdrive import _jit
 from backdrive.laws import kernels
 from backdrive.laws.rates import coulomb_viscous
 
@@ -59,3 +61,25 @@ def test_compiled_and_plain_kernels_agree_to_the_last_bit():
 def test_an_unknown_kind_gives_nan_and_not_an_old_number():
     row = np.array([0.0])
     assert np.isnan(kernels.step(99, 0, row, np.zeros(1), 1.0, 1.0, np.zeros(2), 0.0))
+
+
+@pytest.mark.skipif(not _jit.COMPILED, reason="needs the compiler")
+def test_a_loop_that_asks_for_the_widest_registers_is_compiled_with_them():
+    def both(a, b):
+        _jit.widest()
+        for i in range(a.size):
+            b[i] = 2.0 * a[i]
+
+    def usual(a, b):
+        for i in range(a.size):
+            b[i] = 2.0 * a[i]
+
+    texts = []
+    for function in (both, usual):
+        compiled = _jit.specialise(function, 0)
+        compiled._cache = NullCache()  # what comes from a cache shows nothing
+        x, y = np.arange(5.0), np.empty(5)
+        compiled(x, y)
+        assert np.array_equal(y, 2.0 * x)
+        texts.append("".join(compiled.inspect_llvm().values()))
+    assert ['"prefer-vector-width"="512"' in text for text in texts] == [True, False]

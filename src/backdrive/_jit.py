@@ -130,6 +130,30 @@ def _part() -> Callable[..., Any]:
 part = _part()
 
 
+def _widest() -> Callable[..., Any]:
+    """Return the function that lets the compiler use the machine's widest registers in the function that calls it.
+
+    On processors with registers of 512 bits, LLVM uses 256 bits unless told otherwise. No result depends on it.
+    """
+    if not COMPILED:
+        return lambda: None
+    from numba.extending import intrinsic
+
+    def typing(context):
+        def generate(context, builder, signature, arguments):
+            attributes: Any = builder.function.attributes  # a set whose own `add` knows none with a value
+            with suppress(TypeError):  # another llvmlite: slower, no less right
+                set.add(attributes, '"prefer-vector-width"="512"')
+            return context.get_dummy_value()
+
+        return nb.types.none(), generate
+
+    return intrinsic(typing)
+
+
+widest = _widest()
+
+
 def jit(function: F) -> F:
     """Compile `function` without fastmath (a NaN stays a NaN) and cache it on disk.
 

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 
 from backdrive._assembly import put_in
-from backdrive._jit import specialise
+from backdrive._jit import specialise, widest
 from backdrive.laws import kernels
 
 BLOCK = 128  # ticks
@@ -56,6 +56,7 @@ def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -
     stateless = int(holds(element))  # a name alone: the other branch ends before types are inferred
 
     def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
+        widest()
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
         block = LONGER if stateless else BLOCK
         for first in range(0, which.size, together):

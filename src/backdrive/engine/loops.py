@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._assembly import put_in
-from backdrive._jit import ladder, specialise
+from backdrive._jit import ladder, specialise, widest
 from backdrive.laws import kernels
 
 BLOCK = 64  # ticks
@@ -53,6 +53,7 @@ def one_by_one(rate: int, element: int, plain: bool, sections: int, tame: bool) 
     rows, moves = int(kernels.ROWS >> element & 1), int(kernels.MOVES >> element & 1)
 
     def lanes(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):  # noqa: PLR0913  (a kernel's row)
+        widest()
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
         lo, hi, viscous, slid = W[0], W[1], W[2], W[3]
         for i in which:
@@ -118,6 +119,7 @@ def lane_loop(rate: int, element: int, place: int, tame: bool, shared: bool) -> 
     """
 
     def side_by_side(which, P, X, motion, dp, dt, load, temp, W, Q, Z, T, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
+        widest()
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
         V, D = W[0], W[1]
         U, E = T[0], T[1]
