@@ -53,32 +53,40 @@ def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check; without a state the check costs nothing.
         together: lanes of a group, at most TOGETHER.
     """
-    stateless = int(holds(element))  # a name alone: the other branch ends before types are inferred
 
-    def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913, PLR0912  (a kernel's row)
+    def held(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913  (a kernel's row)
         widest()
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
-        block = LONGER if stateless else BLOCK
         for first in range(0, which.size, together):
             count = min(together, which.size - first)
-            for start in range(0, dp.shape[1], block):
-                stop, last = min(start + block, dp.shape[1]), -1
+            for start in range(0, dp.shape[1], LONGER):
+                stop = min(start + LONGER, dp.shape[1])
                 for j in range(count):
                     i = which[first + j]
                     m, p, place = motion[i], P[i], 1 + int(P[i, 0])
                     tau, moved = out[i, start:stop], dp[m, start:stop]
                     loaded = load[m, start:stop] if loads else load[m]
                     warm = temp[m, start:stop] if temps else temp[m]
-                    if stateless:
-                        for k in range(moved.size):
-                            v = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
-                            d = moved[k] if tame else kernels.within(v, moved[k], dt)
-                            at = k if loads else 0
-                            pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
-                            _, tau[k] = kernels.step_one(
-                                rate, element, plain, p, place, 0.0, v, d, dt, pair, t
-                            )
-                        continue
+                    for k in range(moved.size):
+                        v = kernels.slow(moved[k] / dt)
+                        d = kernels.within(v, moved[k], dt)
+                        at = k if loads else 0
+                        pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
+                        _, tau[k] = kernels.step_one(rate, element, plain, p, place, 0.0, v, d, dt, pair, t)
+
+    def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913  (a kernel's row)
+        widest()
+        loads, temps = load.shape[1] > 1, temp.shape[1] > 1
+        for first in range(0, which.size, together):
+            count = min(together, which.size - first)
+            for start in range(0, dp.shape[1], BLOCK):
+                stop, last = min(start + BLOCK, dp.shape[1]), -1
+                for j in range(count):
+                    i = which[first + j]
+                    m, p, place = motion[i], P[i], 1 + int(P[i, 0])
+                    tau, moved = out[i, start:stop], dp[m, start:stop]
+                    loaded = load[m, start:stop] if loads else load[m]
+                    warm = temp[m, start:stop] if temps else temp[m]
                     if m != last:
                         for k in range(moved.size):
                             V[k] = moved[k] / dt if tame else kernels.slow(moved[k] / dt)
@@ -95,8 +103,6 @@ def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -
                     for k in range(moved.size):
                         c[k] = kernels.weight(element, (p, place, V[k]))
                     Z[row] = X[i, 0]
-                if stateless:
-                    continue
                 for k in range(stop - start):
                     for j in range(together):
                         at = j * ROW + k
@@ -112,5 +118,7 @@ def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -
                         )
                     X[i, 0] = z[tau.size]
 
-    groups = put_in(groups, kernels.parts([rate], [element]) | kernels.ONE_AT_A_TIME)
+    groups = put_in(
+        held if holds(element) else groups, kernels.parts([rate], [element]) | kernels.ONE_AT_A_TIME
+    )
     return specialise(groups, rate, element, int(plain), int(tame), together)

@@ -20,7 +20,8 @@ from backdrive.identification.windows import windows_of
 FAR = 3.0  # delay above which reversals are shifted before the search [sample]
 TRIES = 3  # largest number of searches, each with reversals shifted by the delay of the last one
 DESCENTS = 3  # number of starting points that are optimised first
-SHORT = 8  # iterations of each of these
+SHORT = 8  # largest number of iterations of each of these
+ROUGH = 1e-4  # relative decrease of the cost below which one of these has ended; the last descent goes on from the best
 LONGEST_DESCENT = 40  # largest number of iterations from the best of them
 STEPS = (2 + DESCENTS) * SHORT + LONGEST_DESCENT  # the guess, the screened ones, and one with less delay
 ENOUGH = 60_000  # largest number of samples for all descents but one from their end
@@ -109,7 +110,8 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
             more = screen(search, sooner, 1) if len(sooner) else sooner
             chosen = np.vstack([points[:1], screen(search, points, descend), more])
             short = [
-                search.run(start, iterations=SHORT, tick=inform(k * SHORT)) for k, start in enumerate(chosen)
+                search.run(start, iterations=SHORT, tolerance=ROUGH, tick=inform(k * SHORT))
+                for k, start in enumerate(chosen)
             ]
             best = min(short, key=lambda f: float(f.residual @ f.residual))
             found = (

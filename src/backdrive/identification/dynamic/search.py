@@ -20,14 +20,11 @@ DAMPINGS = np.array([0.01, 0.1, 1.0, 10.0])  # tried dampings, relative to the l
 HUBER = 2.0  # residuals above this size count linearly [standard deviation]
 CHUNK = 4_000_000  # largest number of residuals in one batch
 
-#: Loss -> function from residuals [standard deviation] to cost and weight per residual.
-LOSSES: dict[str, Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]] = {
-    "linear": lambda z: (z**2, np.ones_like(z)),
-    "huber": lambda z: (
-        regression.huber_loss(z, HUBER),
-        np.where(z <= HUBER, 1.0, HUBER / np.maximum(z, HUBER)),
-    ),
-    "absolute": lambda z: (2 * z, 1.0 / np.maximum(z, 0.3)),
+#: Loss -> function from the magnitude of residuals [standard deviation] to the weight of each.
+LOSSES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "linear": np.ones_like,
+    "huber": lambda z: HUBER / np.maximum(z, HUBER),
+    "absolute": lambda z: 1.0 / np.maximum(z, 0.3),
 }
 
 
@@ -78,8 +75,8 @@ class Search:
         self.evaluations = 0
         self.best: SearchResult | None = None
         self.stopped = False
-        #: Starting point, or end of a converged search -> allowed iterations, result.
-        self.ended: dict[bytes, tuple[int, SearchResult]] = {}
+        #: Starting point, or end of a converged search -> allowed iterations, tolerance, result.
+        self.ended: dict[bytes, tuple[int, float, SearchResult]] = {}
 
     def evaluate(self, points: np.ndarray) -> np.ndarray:
         """Return the residuals of a batch, (B, m)."""
@@ -101,11 +98,11 @@ class Search:
             return float(residual @ residual)
         if self.loss == "absolute":
             return float(np.abs(residual).sum())
-        return float(LOSSES[self.loss](np.abs(residual) / sigma)[0].sum()) * sigma**2
+        return float(regression.huber_loss(np.abs(residual) / sigma, HUBER).sum()) * sigma**2
 
     def weights(self, residual: np.ndarray, sigma: float) -> np.ndarray:
         """Return the weights of reweighted least squares, (m,)."""
-        return LOSSES[self.loss](np.abs(residual) / sigma)[1]
+        return LOSSES[self.loss](np.abs(residual) / sigma)
 
     def jacobian(self, point: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """Return the Jacobian, (m, P), at a point, (P,), with its residual, (m,)."""
@@ -141,15 +138,15 @@ class Search:
             tolerance: relative decrease of the cost below which the search is converged.
             tick: called with the iteration and the cost.
 
-        A search is not repeated from a point at which an earlier one started or converged. After an interruption, this and
-        all later searches return the best result so far. If there is no result yet, the interruption is raised.
+        A search is not repeated from a point at which an earlier one of no wider tolerance started or converged. After an
+        interruption, this and all later searches return the best result so far. If there is no result yet, it is raised.
         """
         if self.stopped and self.best is not None:
             return replace(self.best, interrupted=True)
         point = np.clip(start, self.lower, self.upper)
         key = point.tobytes()
-        allowed, before = self.ended.get(key, (-1, None))
-        if before is not None and (before.converged or iterations <= allowed):
+        allowed, close, before = self.ended.get(key, (-1, np.inf, None))
+        if before is not None and close <= tolerance and (before.converged or iterations <= allowed):
             if tick is not None:
                 tick(0, before.cost)
             return before
@@ -195,9 +192,9 @@ class Search:
             self.best = found
         if interrupted:
             return replace(self.best, interrupted=True)
-        self.ended[key] = (iterations, found)
+        self.ended[key] = (iterations, tolerance, found)
         if found.converged:
-            self.ended[found.point.tobytes()] = (iterations, found)
+            self.ended[found.point.tobytes()] = (iterations, tolerance, found)
         return found
 
     def trials(
