@@ -508,7 +508,7 @@ def delays_of(monkeypatch, found, told=None, coarse=None, from_coarse=(), agreed
 
 
 NONE = (float("nan"), float("nan"))
-USUAL = 0.003  # standard deviation of delays about which a sweep tells nothing [s]
+USUAL = 0.004  # standard deviation of delays about which a sweep tells nothing [s]
 
 
 def test_delays_of_several_sweeps_are_averaged_by_their_errors(monkeypatch):
@@ -545,10 +545,10 @@ def test_a_long_delay_is_sought_from_the_coarse_one_and_taken_where_the_two_agre
     ):  # fmt: skip
         for first in (NONE, (-0.03, vague)):
             delays, errors, _ = delays_of(monkeypatch, [first], coarse=0.05, from_coarse=[(fine, error)])
-            otherwise = [0.0], [pytest.approx(0.5 * abs(fine))]  # as likely as none
+            otherwise = [0.0], [pytest.approx(abs(fine))]  # it may be this, or none
             assert (delays, errors) == (([fine], [pytest.approx(error)]) if taken else otherwise)
     # no shift explains the torque better
-    assert delays_of(monkeypatch, [(-0.052, vague)])[:2] == ([0.0], [pytest.approx(0.026)])
+    assert delays_of(monkeypatch, [(-0.052, vague)])[:2] == ([0.0], [pytest.approx(0.052)])
     assert delays_of(monkeypatch, [(-0.052, vague)], agreed=(-0.05, 1e-3))[:2] == ([-0.05], [1e-3])
     for delay, odd in (
         (-0.5 / RATE - 0.024, False),

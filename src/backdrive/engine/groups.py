@@ -54,7 +54,7 @@ def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -
         together: lanes of a group, at most TOGETHER.
     """
 
-    def held(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913  (a kernel's row)
+    def stateless(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913  (a kernel's row)
         widest()
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
         for first in range(0, which.size, together):
@@ -119,6 +119,6 @@ def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -
                     X[i, 0] = z[tau.size]
 
     groups = put_in(
-        held if holds(element) else groups, kernels.parts([rate], [element]) | kernels.ONE_AT_A_TIME
+        stateless if holds(element) else groups, kernels.parts([rate], [element]) | kernels.ONE_AT_A_TIME
     )
     return specialise(groups, rate, element, int(plain), int(tame), together)

@@ -98,8 +98,8 @@ def verdict(friction: JointFriction) -> str:
     slowest, top = friction.speeds
     ways = {way: speeds[1] for way, speeds in friction.speeds_by_way.items() if speeds[1] > SEEN * top}
     tops, signs = list(ways.values()), np.array(list(ways))
-    slow, fast = (np.abs(friction.law.torque(speed * signs)) for speed in (slowest, np.array(tops)))
-    if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * fast.max():
+    slow, fast = (signs * friction.law.torque(speed * signs) for speed in (slowest, np.array(tops)))
+    if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * np.abs(fast).max():
         amount = (
             f"Friction is {slow[0]:.3g} {unit} forwards and {slow[1]:.3g} {unit} backwards at {slowest:.2g} {speed}, "
             f"{fast[0]:.3g} and {fast[1]:.3g} {unit} at {' and '.join(dict.fromkeys(f'{v:.3g}' for v in tops))} {speed}."

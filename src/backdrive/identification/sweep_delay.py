@@ -40,7 +40,7 @@ PLAIN = (
 BEYOND = (
     2.5  # least distance of a delay from those of a command and a sample, if a shift agrees [standard error]
 )
-USUAL = 0.003  # standard deviation of the delays of drives, about which a sweep may tell little [s]
+USUAL = 0.004  # standard deviation of the delays of drives, about which a sweep may tell little [s]
 ROUNDS = 4  # number of iterations, in each of which the torque is shifted by the last estimate of d
 
 
@@ -142,7 +142,7 @@ def drive_delays(
         if agreed is None:
             used = _together([(delay, error), (0.0, max(USUAL, 0.5 * period))])
             if odd:
-                used = 0.0, 0.5 * max(period, abs(delay))  # as likely as none
+                used = 0.0, max(0.5 * period, abs(delay))  # it may be this, or none
             for i in open_:
                 delays[i], errors[i] = used
             first, odd_delay = open_[0], (delay, error) if odd else None
