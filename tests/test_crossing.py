@@ -39,7 +39,9 @@ def test_a_law_of_the_velocity_is_judged_where_it_holds(law):
     """About reversals, where the joint bends, it is neither fitted nor judged: break-away is not near zero there."""
     found = identify(log_of(2e-3), law=law).model.joints[0]
     assert found.held_out is not None and found.held_out.residual < 5.0
-    assert found.law.torque(0.3) == pytest.approx(2.15, abs=0.04)  # the form of a peak that is not there is open
+    assert found.law.torque(0.3) == pytest.approx(
+        2.15, abs=0.04
+    )  # the form of a peak that is not there is open
 
 
 @pytest.mark.parametrize("seed", [0, 2])
