@@ -59,8 +59,8 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
         (not both_directions, ONE_WAY_ONLY),
         (
             not symmetric and apart,
-            f"Friction at {_slowest(choice)} was taken as equal in both directions, and the constant torque that is left as an "
-            "offset: the data cannot tell the two apart.",
+            f"Friction at {_slowest(choice, friction.joint.unit)} was taken as equal in both directions, and the constant torque "
+            "that is left as an offset: the data cannot tell the two apart.",
         ),
         (
             not symmetric and not apart,
@@ -75,7 +75,7 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
     return replace(friction, warnings=warnings)
 
 
-def _slowest(choice: design.Choice) -> str:
-    """Return the speed of the slowest knot in words."""
+def _slowest(choice: design.Choice, unit: str) -> str:
+    """Return the speed of the slowest knot in words; the joint's unit is `rad` or `m`."""
     speed = float(choice.candidate.form.knots[0])
-    return f"{speed:.2g} rad/s or m/s, the slowest speed of the curve," if speed else "rest"
+    return f"{speed:.2g} {unit}/s, the slowest speed of the curve," if speed else "rest"
