@@ -95,13 +95,13 @@ class DelayStretch:
         columns[1 : 1 + len(self._jerk)] = self._means(self._jerk, whole, weights)
         return columns.T
 
-    def curve(self, delay: float, knots: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the means of a curve's functions, (n, 2 k), of sliding [-] and of the speed [rad/s or m/s], (n,) each."""
+    def curve(self, delay: float, knots: np.ndarray, shapes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Write the means of a curve's functions, (n, 2 k); return those of sliding [-] and of the speed [rad/s or m/s], (n,)."""
         size, samples = self.count * self.width, delay * self.rate
         velocity = earlier(self._velocity, samples)[:size]
         sliding = (later(self._sliding, round(samples)) & self._moving)[:size]
         step = max(1, CHUNK // self.width) * self.width
-        shapes, (slides, speed) = np.empty((self.count, 2 * knots.size)), np.empty((2, self.count))
+        slides, speed = np.empty((2, self.count))
         for first in range(0, size, step):
             part, into = (
                 velocity[first : first + step],
@@ -110,7 +110,7 @@ class DelayStretch:
             shapes[into] = curves.basis_means(part, knots, self.width)
             slides[into] = filters.means(sliding[first : first + step], self.width)
             speed[into] = filters.means(np.abs(part), self.width)
-        return shapes, slides, speed
+        return slides, speed
 
 
 def later(mask: np.ndarray, samples: int) -> np.ndarray:
@@ -140,18 +140,21 @@ def bins_at_delay(
         knots: of the fine basis [rad/s or m/s], (k,).
         candidate: return its columns alone; None: all columns.
     """
-    parts = []
+    terms, symmetric = list(range(len(design.COLUMNS))), False
+    if candidate is not None:
+        terms, symmetric = [design.COLUMNS.index(t) for t in candidate.terms], candidate.form.symmetric
+        knots = candidate.form.knots
+    k, total, begin = knots.size, sum(s.count for s in stretches), 0
+    X = np.empty((total, len(terms) + (1 if symmetric else 2) * k))
+    y, sliding, speed = np.empty((3, total))
     for s in stretches:
-        head = s.head(delay)
-        if candidate is not None:
-            head, knots = head[:, [design.COLUMNS.index(t) for t in candidate.terms]], candidate.form.knots
-        shapes, sliding, speed = s.curve(delay, knots)
-        if candidate is not None and candidate.form.symmetric:
-            shapes = shapes[:, : knots.size] + shapes[:, knots.size :]
-        parts.append([np.hstack([head, shapes]), s.torque, sliding, speed])
-        del head, shapes
-    X, y, used, speed = (
-        np.concatenate(p) if len(p) > 1 else p[0] for p in map(list, zip(*parts, strict=True))
-    )
+        rows = slice(begin, begin + s.count)
+        X[rows, : len(terms)] = s.head(delay)[:, terms]
+        shapes = np.empty((s.count, 2 * k)) if symmetric else X[rows, len(terms) :]
+        sliding[rows], speed[rows] = s.curve(delay, knots, shapes)
+        if symmetric:
+            np.add(shapes[:, :k], shapes[:, k:], out=X[rows, len(terms) :])
+        y[rows] = s.torque
+        begin += s.count
     count = block_count(sum(s.duration for s in stretches), period_of([s.moves for s in stretches]))
-    return Bins(X=X, y=y, used=used > FILLED, speed=speed, blocks=count)
+    return Bins(X=X, y=y, used=sliding > FILLED, speed=speed, blocks=count)
