@@ -43,6 +43,7 @@ from backdrive.identification.motion_friction import as_friction, with_warnings
 from backdrive.identification.path import along_path, without_gravity
 from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
+from backdrive.identification.remark import NO_ERRORS
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import after_build_up, build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
@@ -243,7 +244,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
             f"Only {duration:.2g} s of motion with {reversals} reversals: too little to separate friction reliably from "
             f"the other terms.",
         ),
-        (open_, f"No standard errors are stated: {'; '.join(open_)}."),
+        (open_, f"{NO_ERRORS}{'; '.join(open_)}."),
     )
     unseen = predict_blocks(stretches, choice, slip.delay, seconds) if not held_out else None
     parts, of_others = parts_of(friction, logged, True), parts_of(friction, others, False)
@@ -329,7 +330,7 @@ def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], s
     )
     return sentences(
         (freedom < LEAST_FREEDOM, "there is hardly more data than unknowns"),
-        (count < LEAST_MOVES, f"the joint made only {count} moves"),
+        (count < LEAST_MOVES, f"the joint made only {count} moves (record more, at more speeds)"),
         (
             error > slip.least,
             f"the delay of the torque {late}; give it where it is known (--known delay=...)",

@@ -9,7 +9,7 @@ import numpy as np
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.model_torque import is_gravity
 from backdrive.identification.plausibility_residual import delay, structure
-from backdrive.identification.remark import ONE_WAY_ONLY, SHARE, SURE, Case, Remark
+from backdrive.identification.remark import NO_ERRORS, ONE_WAY_ONLY, SHARE, SURE, Case, Remark
 from backdrive.identification.terms import GRAVITY, columns
 
 CANCEL = 3.0  # size of two opposing terms, relative to the torque, above which they cancel each other [-]
@@ -210,13 +210,14 @@ def gravity_apart(case: Case) -> Remark | None:
 
 
 def unknown_error(case: Case) -> Remark | None:
-    """Remark on a curve from motion without a standard error anywhere."""
+    """Remark on a curve from motion without a standard error anywhere, with the reasons that the method gave."""
     error = case.evidence.curve.standard_error
     if case.friction.method != "motion" or not error.size or not np.isnan(error).all():
         return None
+    told = [sentence for sentence in case.friction.warnings if sentence.startswith(NO_ERRORS)]
     return Remark(
         severity="care",
-        sentence="How far off the curve may be cannot be told: record more moves, at more speeds.",
+        sentence=told[0] if told else f"{NO_ERRORS}how far off the curve may be cannot be told.",
     )
 
 

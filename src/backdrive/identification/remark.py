@@ -19,6 +19,7 @@ SURE = 3.0  # least significance of a difference [standard error]
 EARLY = 0.8  # least possible break-away torque, relative to Coulomb friction [-]
 SHARE = 0.05  # least difference, relative to the value itself or to the friction [-]
 ONE_WAY_ONLY = "The joint moved in one direction only: friction and a constant torque cannot be separated."
+NO_ERRORS = "No standard errors are stated: "  # what a sentence with the reasons begins with
 Severity = Literal["poor", "unknown", "care", "note"]
 
 
