@@ -53,26 +53,28 @@ def in_groups(rate: int, element: int, plain: bool, tame: bool, together: int) -
         tame: no velocity exceeds `kernels.FASTEST`, so velocities need no check; without a state the check costs nothing.
         together: lanes of a group, at most TOGETHER.
     """
+    moves = int(kernels.MOVES >> element & 1)  # a name alone: the other branch ends before types are inferred
 
     def stateless(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913  (a kernel's row)
         widest()
         loads, temps = load.shape[1] > 1, temp.shape[1] > 1
-        for first in range(0, which.size, together):
-            count = min(together, which.size - first)
-            for start in range(0, dp.shape[1], LONGER):
-                stop = min(start + LONGER, dp.shape[1])
-                for j in range(count):
-                    i = which[first + j]
-                    m, p, place = motion[i], P[i], 1 + int(P[i, 0])
-                    tau, moved = out[i, start:stop], dp[m, start:stop]
-                    loaded = load[m, start:stop] if loads else load[m]
-                    warm = temp[m, start:stop] if temps else temp[m]
-                    for k in range(moved.size):
-                        v = kernels.slow(moved[k] / dt)
-                        d = kernels.within(v, moved[k], dt)
-                        at = k if loads else 0
-                        pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
+        for start in range(0, dp.shape[1], LONGER):
+            stop = min(start + LONGER, dp.shape[1])
+            for i in which:
+                m, p, place = motion[i], P[i], 1 + int(P[i, 0])
+                tau, moved = out[i, start:stop], dp[m, start:stop]
+                loaded = load[m, start:stop] if loads else load[m]
+                warm = temp[m, start:stop] if temps else temp[m]
+                for k in range(moved.size):
+                    v = kernels.slow(moved[k] / dt)
+                    d = kernels.within(v, moved[k], dt)
+                    at = k if loads else 0
+                    pair, t = (loaded[at, 0], loaded[at, 1]), warm[k if temps else 0]
+                    if moves:
                         _, tau[k] = kernels.step_one(rate, element, plain, p, place, 0.0, v, d, dt, pair, t)
+                    else:  # the same, and half as long to compile
+                        lo, hi, viscous = kernels.limits_of(rate, plain, p, v, pair, t)
+                        tau[k] = kernels.carry_plain(element, (p, place, 0.0, lo, hi, d, dt))[1] + viscous
 
     def groups(which, P, X, motion, dp, dt, load, temp, V, A, B, C, Z, out):  # noqa: PLR0913  (a kernel's row)
         widest()
