@@ -13,6 +13,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -41,35 +42,48 @@ def write_log(path: Path) -> None:
     np.savetxt(path, table, delimiter=",", header="time,q,tau", comments="")
 
 
-def main() -> None:
-    """Go through all documents and numbered examples."""
+def run_document(document: Path) -> int:
+    """Run the blocks of a document and return how many ran."""
     ran = 0
-    for document in [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]:
-        with tempfile.TemporaryDirectory() as scratch:
-            if "log.csv" in document.read_text():
-                write_log(Path(scratch, "log.csv"))
-            for i, match in enumerate(BLOCK.finditer(document.read_text())):
-                what = f"{document.relative_to(ROOT)}, block {i + 1}"
-                if match["reason"]:
-                    print(f"{what}: not run: {match['reason']}")
-                elif match["kind"] == "python":
-                    run([sys.executable, "-W", "error", "-c", match["body"]], Path(scratch), what)
-                    ran += 1
-                else:
-                    text = match["body"].replace("\\\n", " ")
-                    for line in text.splitlines():
-                        if line.startswith("backdrive "):
-                            run(
-                                [sys.executable, "-m", *shlex.split(line, comments=True)],
-                                Path(scratch),
-                                f"{what}: {line}",
-                            )
-                            ran += 1
-    for example in sorted((ROOT / "examples").glob("*.py")):
-        with tempfile.TemporaryDirectory() as scratch:
-            run([sys.executable, "-W", "error", str(example)], Path(scratch), str(example.relative_to(ROOT)))
-            ran += 1
-    print(f"{ran} examples ran")
+    with tempfile.TemporaryDirectory() as scratch:
+        if "log.csv" in document.read_text():
+            write_log(Path(scratch, "log.csv"))
+        for i, match in enumerate(BLOCK.finditer(document.read_text())):
+            what = f"{document.relative_to(ROOT)}, block {i + 1}"
+            if match["reason"]:
+                print(f"{what}: not run: {match['reason']}")
+            elif match["kind"] == "python":
+                run([sys.executable, "-W", "error", "-c", match["body"]], Path(scratch), what)
+                ran += 1
+            else:
+                text = match["body"].replace("\\\n", " ")
+                for line in text.splitlines():
+                    if line.startswith("backdrive "):
+                        run(
+                            [sys.executable, "-m", *shlex.split(line, comments=True)],
+                            Path(scratch),
+                            f"{what}: {line}",
+                        )
+                        ran += 1
+    return ran
+
+
+def run_example(example: Path) -> int:
+    """Run a numbered example and return 1."""
+    with tempfile.TemporaryDirectory() as scratch:
+        run([sys.executable, "-W", "error", str(example)], Path(scratch), str(example.relative_to(ROOT)))
+    return 1
+
+
+def main() -> None:
+    """Go through all documents and numbered examples, two at a time."""
+    documents = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+    with ThreadPoolExecutor(2) as two:
+        ran = [
+            *two.map(run_document, documents),
+            *two.map(run_example, sorted((ROOT / "examples").glob("*.py"))),
+        ]
+    print(f"{sum(ran)} examples ran")
 
 
 if __name__ == "__main__":
