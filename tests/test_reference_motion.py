@@ -257,7 +257,10 @@ def test_a_curve_has_no_knot_below_the_slowest_sliding():
     knots = np.percentile(np.abs(s.velocity), 99.9) * np.array(curves.SHARES)
     slowest = motion_bins.slowest_sliding([s], knots)
     assert slowest > knots[3]
-    assert found.validity.lowest_speed == slowest and min(found.law.rate.velocity) == slowest
+    assert min(found.law.rate.velocity) == slowest
+    assert (
+        slowest <= found.validity.lowest_speed < 1.2 * slowest
+    )  # as far as a quarter of a second of bins shows the friction
 
 
 @pytest.mark.parametrize(("share", "both"), [(0.045, False), (0.055, True)])

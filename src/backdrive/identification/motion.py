@@ -230,7 +230,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     choice, through = with_crossings(choice, slip.delay, stretches, smooth.error) if slow else (choice, "")
     choice = missed.on(with_bends(design.offset_apart(choice)))
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
-    slowest = curves.past_rise(friction.law, slowest)
+    slowest = max(curves.past_rise(friction.law, slowest), missed.seen)
     friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))
     friction = with_warnings(friction, choice, both)
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
@@ -270,7 +270,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     support = evidence(
         friction,
         parts + of_others,
-        curves.widen_below(friction.law, max(slowest, missed.seen), of_curve),
+        curves.widen_below(friction.law, slowest, of_curve),
         settled=[sliding_in_step(s, friction.delay) for s in slid],
     )
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""

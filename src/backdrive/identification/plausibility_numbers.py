@@ -162,7 +162,9 @@ def speed_gap(case: Case) -> Remark | None:
     if res is None:
         return None
     speeds = np.sort(np.abs(res.velocity[res.moving]))
-    speeds = speeds[speeds >= max(case.friction.validity.lowest_speed or 0.0, 1e-9)]
+    validity = case.friction.validity
+    slow = validity.LOW * max(abs(v) for v in validity.velocity)  # a gap may end where the curve begins
+    speeds = speeds[speeds >= max(min(validity.lowest_speed or 0.0, slow), 1e-9)]
     inside = np.searchsorted(speeds, GAP * speeds, side="left") - np.arange(speeds.size) - 1
     few = (inside < max(FEWEST_INSIDE * speeds.size, 1.0)) & (
         GAP * speeds < (speeds[-1:] if speeds.size else 0.0)

@@ -101,7 +101,7 @@ def slow_peak(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="note",
-        sentence=f"Slower than {lowest:.2g} {case.friction.joint.unit}/s, where the curve was not fitted, friction is about "
+        sentence=f"Slower than {lowest:.2g} {case.friction.joint.unit}/s, where the curve was hardly fitted, friction is about "
         f"{mean:.2g} {case.unit} ({100.0 * mean / res.size:.0f} %) higher than the curve: a Stribeck peak. Add slow motion, or fit "
         "a law that has one (--law stribeck-gauss).",
     )
