@@ -497,3 +497,17 @@ def test_little_friction_beside_a_large_inertia_lacks_no_torque():
         time=t, joints=(Joint(name="a"),), position=step * np.round(q / step)[:, None], torque=tau[:, None]
     )
     assert not any("slow torque" in said for said in identify(log).model.joints[0].warnings)
+
+
+def test_the_band_widens_below_the_lowest_speed_that_is_told():
+    t = np.arange(6000) / 200.0
+    w, phase = 2.0 * np.pi * np.array([0.07, 0.161, 0.287, 0.539, 0.917]), np.arange(5.0)
+    q, v, a = (
+        (w ** (k - 1) * np.sin(np.outer(t, w) + phase + k * np.pi / 2)).sum(axis=1)[:, None] for k in range(3)
+    )
+    tau = dry(v) + 0.5 * a + 0.05 * np.random.default_rng(2).standard_normal(v.shape)
+    result = identify(Log(time=t, joints=(Joint(name="j1"),), position=q, torque=tau), method="motion")
+    curve, low = result.evidence[0].curve, result.model.joints[0].validity.lowest_speed
+    assert low is not None
+    speed, error = np.abs(curve.velocity), curve.standard_error
+    assert error[speed < 0.9 * low].min() > 3.0 * error[(speed >= low) & (speed < 2.0 * low)].max()
