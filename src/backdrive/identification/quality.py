@@ -20,6 +20,7 @@ JUDGED_BELOW = 5.0  # cutoff frequency of the zero-phase low pass on both torque
 LEAST_SHARE = 0.2  # least sum of the low pass's weights inside the mask that is normalised to 1 [-]
 FINE = 50.0  # rate of the means that are low-passed, relative to the cutoff frequency of the low pass [-]
 FEWEST = 8  # least number of means of a stretch
+WHERE_SLIDING = ", where the joint slides"  # end of the method's name of a fit that is judged there alone
 LONG = 200_000  # largest number of samples of series that are low-passed together, which is faster but takes memory
 GOOD, FAIR = 15.0, 35.0  # largest residual of a result that is good, or usable with care [%]
 

@@ -15,7 +15,7 @@ from backdrive.identification.coupling import other_coupling
 from backdrive.identification.dynamics import predict
 from backdrive.identification.names import same_names
 from backdrive.identification.options import Options, settings_of
-from backdrive.identification.quality import judge
+from backdrive.identification.quality import WHERE_SLIDING, judge
 from backdrive.identification.runs import find_runs
 from backdrive.identification.signals import prepare
 from backdrive.identification.smoothing import smoothing
@@ -212,9 +212,11 @@ def _predictions(
     if cutoff is None and friction.method == "motion":
         cutoff = smoothing([log], name).cutoff
     stretches = prepare(log, name, cutoff=cutoff)
-    searched = friction.method.startswith("fit of")  # a fit with presliding is judged through reversals
+    through = friction.method.startswith("fit of") and not friction.method.endswith(
+        WHERE_SLIDING
+    )  # reversals too
     return [
-        (s.torque, predict(friction, s), s.rate, s.moving if searched else s.sliding) for s in stretches
+        (s.torque, predict(friction, s), s.rate, s.moving if through else s.sliding) for s in stretches
     ], [s.velocity for s in stretches]
 
 

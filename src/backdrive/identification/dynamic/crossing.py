@@ -91,10 +91,15 @@ def without_build_up(
 
 def sliding_only(fit: Fit, stretches: Sequence[Stretch]) -> list[Stretch]:
     """Return stretches in which only sliding samples count, if the law was fitted to sliding alone; otherwise unchanged."""
-    fitted: Sequence[Stretch] = getattr(fit.problem, "stretches", ())
-    if not any(s.only_sliding for s in fitted):
+    if not of_sliding(fit):
         return list(stretches)
     return sliding(stretches, fit.values.get("delay", 0.0))
+
+
+def of_sliding(fit: Fit) -> bool:
+    """Return whether a law was fitted to sliding alone, in a part of the records at least."""
+    fitted: Sequence[Stretch] = getattr(fit.problem, "stretches", ())
+    return any(s.only_sliding for s in fitted)
 
 
 def lags_behind(

@@ -10,14 +10,14 @@ import numpy as np
 
 from backdrive.identification.curves import SHARES, widen_below
 from backdrive.identification.delay import earlier
-from backdrive.identification.dynamic.crossing import sliding_only
+from backdrive.identification.dynamic.crossing import of_sliding, sliding_only
 from backdrive.identification.dynamic.fit import Fit
 from backdrive.identification.dynamic.stretch import Stretch
 from backdrive.identification.dynamic.unknowns import shares
 from backdrive.identification.evidence import evidence
 from backdrive.identification.misses import misses_at
 from backdrive.identification.motion_bins import LONG_ENOUGH, slowest_sliding
-from backdrive.identification.quality import judge
+from backdrive.identification.quality import WHERE_SLIDING, judge
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.signals import Signals
 from backdrive.identification.terms import RIGID, estimates
@@ -84,7 +84,7 @@ def finish(
             (s.torque, tau, 1.0 / s.dt, s.judged & mask)
             for s, tau, mask in zip(sliding_only(judged, judges), judged.predict(judges), masks, strict=True)
         ),
-        method=f"fit of {final.name}: {how}",
+        method=f"fit of {final.name}: {how}{WHERE_SLIDING if of_sliding(final) else ''}",
         warnings=final.warnings,
     )
     parts: list[tuple[Signals, np.ndarray, np.ndarray, bool]] = []
