@@ -212,9 +212,8 @@ def _predictions(
     if cutoff is None and friction.method == "motion":
         cutoff = smoothing([log], name).cutoff
     stretches = prepare(log, name, cutoff=cutoff)
-    through = friction.method.startswith("fit of") and not friction.method.endswith(
-        WHERE_SLIDING
-    )  # reversals too
+    slides = friction.method.endswith(WHERE_SLIDING)
+    through = friction.method.startswith("fit of") and not slides  # the reversals too
     return [
         (s.torque, predict(friction, s), s.rate, s.moving if through else s.sliding) for s in stretches
     ], [s.velocity for s in stretches]
