@@ -38,10 +38,11 @@ def test_coulomb_friction_is_that_of_sliding(lag):
 @pytest.mark.parametrize("law", ["coulomb-viscous", "stribeck-gauss"])
 def test_a_law_of_the_velocity_is_judged_where_it_holds(law):
     """About reversals, where the joint bends, it is neither fitted nor judged: break-away is not near zero there."""
-    found = identify(log_of(2e-3), law=law).model.joints[0]
+    model = identify(log_of(2e-3), law=law).model
+    found = model.joints[0]
     assert found.held_out is not None and found.held_out.residual < 5.0
     assert found.law.torque(0.3) == pytest.approx(2.15, abs=0.04)  # a peak that is not there has any form
-    again = validate(identify(log_of(2e-3), law=law).model, log_of(2e-3))["a"]
+    again = validate(model, log_of(2e-3))["a"]
     assert again.rms == pytest.approx(found.fitted.rms, rel=0.1)
 
 
