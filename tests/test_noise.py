@@ -13,7 +13,6 @@ from backdrive.identification.sweep import sweep_knots
 from backdrive.identification.sweep_delay import sweep_delay
 from backdrive.identification.sweep_windows import windows
 from backdrive.laws import CoulombViscous, Law
-from backdrive.logs.filters import fft_length
 from backdrive.plans import Sweep
 from backdrive.simulation.machines import joint_1
 from backdrive.simulation.open_loop import simulate
@@ -110,8 +109,8 @@ def test_what_a_fit_takes_from_white_noise_is_the_sum_along_each_diagonal_of_its
     inverse = np.linalg.inv(X.T @ X)
     hat = X @ inverse @ X.T
     wanted = [np.trace(hat, offset=lag) for lag in range(30)]
-    each = np.fft.rfft(X.T, fft_length(len(X) + 30))
-    assert noise._white_loss(each, inverse, len(X), 30) == pytest.approx(wanted, abs=1e-12)
+    each = lag_products.transforms(X, 30)
+    assert lag_products.white_loss(each, inverse, 30) == pytest.approx(wanted, abs=1e-12)
 
 
 def test_a_short_log_s_fit_of_smooth_terms_scatters_as_it_says():

@@ -10,8 +10,10 @@ PIECE = 16_384  # number of frequencies whose products are summed together
 
 
 def sums(x: np.ndarray, lags: int) -> np.ndarray:
-    """Return the sum over k of x_k x_(k+h) for each lag h, (lags,)."""
-    return products(x[:, None], lags)[0, 0]
+    """Return the sum over k of x_k x_(k+h) for each lag h, of each series in the last axis, (..., lags)."""
+    n = fft_length(x.shape[-1] + lags)
+    each = np.fft.rfft(x, n)
+    return np.fft.irfft(each.real**2 + each.imag**2, n)[..., :lags]
 
 
 def products(x: np.ndarray, lags: int) -> np.ndarray:
@@ -21,11 +23,16 @@ def products(x: np.ndarray, lags: int) -> np.ndarray:
     return np.fft.irfft(np.conj(each)[:, None] * each, n)[..., :lags]
 
 
+def transforms(X: np.ndarray, lags: int) -> np.ndarray:
+    """Return the transforms of columns X (n, p) on a circle of an even number of samples, at least n + `lags`, (p, m)."""
+    return np.fft.rfft(np.ascontiguousarray(X.T), fft_length(len(X) + lags))
+
+
 def between_columns(each: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     """Return X' T X for columns X and the symmetric Toeplitz matrix T of a correlation, (p, p).
 
     Args:
-        each: transforms of the columns on a circle of an even number of samples, at least n + L, (p, m).
+        each: from `transforms` for L lags at least, (p, m).
         correlation: by lag [-], (L,).
     """
     p, m = each.shape
@@ -33,9 +40,28 @@ def between_columns(each: np.ndarray, correlation: np.ndarray) -> np.ndarray:
     weight[[0, -1]] *= 0.5  # all other frequencies stand for two
     total = np.zeros((p, p))
     for first in range(0, m, PIECE):
-        part = each[:, first : first + PIECE]
-        total += ((part * weight[first : first + PIECE]) @ np.conj(part).T).real
+        part = each[:, first : first + PIECE].view(np.float64)  # real and imaginary parts side by side
+        total += (part * np.repeat(weight[first : first + PIECE], 2)) @ part.T
     return total
+
+
+def white_loss(each: np.ndarray, inverse: np.ndarray, lags: int) -> np.ndarray:
+    """Return the decrease of the sum of products e_k e_(k+h) of white unit noise by a fit of columns X, by lag, (lags,).
+
+    With H = X (X'X)^-1 X', that is the sum over k of H_(k,k+h). A few smooth columns take it from all short lags alike, so that
+    the residuals of a short log look as if their noise was negatively correlated.
+
+    Args:
+        each: from `transforms`, (p, m).
+        inverse: (X'X)^-1, (p, p).
+        lags: number of lags.
+    """
+    power = np.empty(each.shape[1])
+    for first in range(0, power.size, PIECE):
+        part = each[:, first : first + PIECE].view(np.float64)
+        both = np.einsum("pm,pm->m", inverse @ part, part)
+        power[first : first + PIECE] = both[::2] + both[1::2]
+    return np.fft.irfft(power)[:lags]
 
 
 def _circle(correlation: np.ndarray, size: int) -> np.ndarray:

@@ -17,10 +17,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf  # type: ignore[attr-defined]
 from scipy.special import stdtrit
 
 from backdrive.identification import regression
-from backdrive.identification.lag_products import between_columns, products, sums, toeplitz
+from backdrive.identification.lag_products import (
+    between_columns,
+    products,
+    sums,
+    toeplitz,
+    transforms,
+    white_loss,
+)
 from backdrive.identification.repeats import with_repeats
 from backdrive.logs.filters import fft_length
 
@@ -185,12 +193,13 @@ def covariance_of_scores(
     """
     size, p = int(np.count_nonzero(used)), X.shape[1]
     lags = min(LONGEST, len(score))
-    total = sums(score, lags)
-    each = np.fft.rfft(X.T, fft_length(len(X) + lags))
-    lost = _white_loss(each, inverse, len(X), lags)
-    counts = np.maximum(sums(used.astype(float), lags), 1.0)
+    total, counts = sums(np.stack([score, used]), len(score))
+    counts = np.maximum(counts, 1.0)
+    each = transforms(X, lags)
+    lost = white_loss(each, inverse, lags)
     for _ in range(ROUNDS):
-        lagged = (total + total[0] / max(size - float(lost[0]), LEAST * size) * lost) / counts
+        lagged = total[:lags] + total[0] / max(size - float(lost[0]), LEAST * size) * lost
+        lagged /= counts[:lags]
         correlation = taper(lagged / lagged[0], size)
         wide = max(correlation[0] + 2.0 * float(correlation[1:].sum()), 1.0)
         if p * wide < SLOW * size or size > LONG:
@@ -198,9 +207,9 @@ def covariance_of_scores(
         lost = _loss_of_colour(X, used, inverse, correlation, lags)
     weights = 1.0 - np.arange(correlation.size) / correlation.size  # those that fall from the first lag on
     other = between_columns(each, lagged[: weights.size] / lagged[0] * weights) if wide > SLOWER else None
-    whole = with_repeats(correlation, score, used)
+    whole = with_repeats(correlation, total, counts)
     if whole.size > correlation.size:
-        each = np.fft.rfft(X.T, fft_length(len(X) + whole.size))
+        each = transforms(X, whole.size)
         far = np.arange(correlation.size, whole.size)
         wide += 2.0 * float(whole[far] @ (1.0 - far / len(X)))
     full = between_columns(each, whole)
@@ -221,9 +230,10 @@ def _possible(full: np.ndarray, white: np.ndarray, other: np.ndarray | None = No
         return np.maximum(full, LEAST * white)
     size = np.sqrt(np.maximum(np.diag(white), 1e-300))
     beyond = 0.5 * (full + full.T) - LEAST * white
-    values, vectors = np.linalg.eigh(beyond / np.outer(size, size))
-    if values[0] >= 0.0:
+    scaled = beyond / np.outer(size, size)
+    if dpotrf(scaled)[1] == 0:  # no negative variance, in a fraction of the time
         return 0.5 * (full + full.T)
+    values, vectors = np.linalg.eigh(scaled)
     least = 0.0 if other is None else np.einsum("ik,ij,jk->k", vectors, other / np.outer(size, size), vectors)
     values = np.where(values < 0.0, np.maximum(least, 0.0), values)
     return (vectors * values) @ vectors.T * np.outer(size, size) + LEAST * white
@@ -274,24 +284,6 @@ def _fit_loss(Q: np.ndarray, QQ: np.ndarray, correlation: np.ndarray) -> np.ndar
     both = np.conj(np.fft.rfft(Q.T, n)) * np.fft.rfft(G.T, n)
     across = np.fft.irfft(2.0 * both.sum(axis=0).real, n)[: QQ.shape[2]]  # forwards and backwards
     return across - np.einsum("abh,ab->h", QQ, Q.T @ G)
-
-
-def _white_loss(each: np.ndarray, inverse: np.ndarray, n: int, lags: int) -> np.ndarray:
-    """Return the decrease of the sum of products e_k e_(k+h) of white unit noise by a fit of columns X, by lag, (lags,).
-
-    With H = X (X'X)^-1 X', that is the sum over k of H_(k,k+h). A few smooth columns take it from all short lags alike, so that
-    the residuals of a short log look as if their noise was negatively correlated.
-
-    Args:
-        each: transforms of the columns on a circle of `fft_length(n + lags)` samples, (p, m).
-        inverse: (X'X)^-1, (p, p).
-        n: number of samples.
-        lags: number of lags.
-    """
-    power = np.zeros(each.shape[1], dtype=complex)
-    for column, row in zip(each, inverse, strict=True):  # one at a time: the columns of a long log are large
-        power += np.conj(column) * (row @ each)
-    return np.fft.irfft(power, fft_length(n + lags))[:lags]
 
 
 def _loss_of_colour(

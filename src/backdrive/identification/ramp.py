@@ -148,15 +148,13 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     if _bends(torque, noise, single.period):
         return False
     smooth, rate, _ = low_pass_torque(single)
-    turns = ramp_turns(smooth, BRANCH, EDGE * rate)
-    if turns.size < 2 or np.diff(turns).sum() < RAMPED * len(single):
+    edge, span = EDGE * rate, float(np.ptp(smooth))
+    far = STRAIGHT * span + noise
+    if not _are_straight(smooth, turning_points(smooth, BRANCH * span), edge, far, but_first=True):
+        return False  # sooner known than a rest before the first one
+    turns = ramp_turns(smooth, BRANCH, edge)
+    if np.diff(turns).sum() < RAMPED * len(single) or not _are_straight(smooth, turns, edge, far):
         return False
-    edge = round(EDGE * rate)
-    inner = [slice(a + edge, max(b - edge, a + 1)) for a, b in zip(turns, turns[1:], strict=False)]
-    sizes = [part.stop - part.start for part in inner]
-    most = sum(sizes) * (STRAIGHT * float(np.ptp(smooth)) + noise) ** 2
-    if min(sizes) < SHORTEST or sum(_off_line(smooth[part]) for part in inner) > most:
-        return False  # too short for a ramp, or not straight
     count = encoder_step(single) or 3.0 * white_noise(position)
     branches, slip_speed, _ = branches_of(single, count)
     if _to_and_fro(position, slip_speed, single.period):
@@ -164,6 +162,31 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     held = sum(b.torque.size for b in branches)
     slips = any(b.break_away is not None for b in branches)
     return held > HELD * len(single) and (slips or len(branches) > 2) and _elastic(branches, count)[2]
+
+
+def _are_straight(
+    smooth: np.ndarray, turns: np.ndarray, edge: float, far: float, but_first: bool = False
+) -> bool:
+    """Return whether a torque is straight between its turns, of which there are two at least and none too close together.
+
+    Args:
+        smooth: low-passed torque [N.m or N], (n,).
+        turns: samples at which ramps begin and end, (k,).
+        edge: what counts as a turn to either side of it [sample].
+        far: largest RMS deviation from lines [N.m or N].
+        but_first: leave out the first ramp, before which there may be a rest.
+    """
+    if turns.size < 2:
+        return False
+    inner = [slice(a + round(edge), max(b - round(edge), a + 1)) for a, b in pairwise(turns.tolist())]
+    left = sum(part.stop - part.start for part in inner) * far**2
+    for part in inner[but_first:]:
+        if part.stop - part.start < SHORTEST:
+            return False
+        left -= _off_line(smooth[part])
+        if left < 0.0:
+            return False
+    return True
 
 
 def _bends(torque: np.ndarray, noise: float, period: float) -> bool:

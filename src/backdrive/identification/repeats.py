@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive.identification.lag_products import sums
-
 CLEAR = 5.0  # least correlation at a lag that shows a repetition [standard deviation]
 BESIDE = 2.0  # the same of lags beside it [standard deviation]
 LEAST = 20.0  # least number of products at a lag
 
 
-def with_repeats(correlation: np.ndarray, score: np.ndarray, used: np.ndarray) -> np.ndarray:
+def with_repeats(correlation: np.ndarray, total: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Return a correlation with the lags added at which residuals repeat; as it is where they do not, (L,).
 
     Estimates at lags without correlation scatter by the root of the sum of all squared correlations, by the number of products
@@ -23,11 +21,10 @@ def with_repeats(correlation: np.ndarray, score: np.ndarray, used: np.ndarray) -
 
     Args:
         correlation: of the noise, 1 at lag 0 [-], (K,).
-        score: residuals, 0 at samples that are not used, (n,).
-        used: mask of the fitted samples, (n,).
+        total: sum of the products of residuals by lag, (n,).
+        counts: number of these products, 1 at least, (n,).
     """
-    near, counts = correlation.size, np.maximum(sums(used.astype(float), used.size), 1.0)
-    total = sums(score, score.size)
+    near = correlation.size
     found = total / counts * (counts[0] / max(float(total[0]), 1e-300))
     scatter = np.sqrt((2.0 * float(correlation @ correlation) - 1.0) / counts)
     open_ = (found > BESIDE * scatter) & (counts >= LEAST)

@@ -169,10 +169,15 @@ def turning_points(x: np.ndarray, least: float, candidates: np.ndarray | None = 
 def _equal_strokes(turn: np.ndarray, number: int) -> bool:
     """Return whether so many strokes in a row between turning points (k,) may be equal; without them there are no cycles."""
     stroke = np.abs(np.diff(turn))
-    if stroke.size < number:
+    runs = stroke.size - number + 1
+    if runs < 1:
         return False
-    runs = np.lib.stride_tricks.sliding_window_view(stroke, number)
-    return bool(np.any(np.all(np.abs(runs - runs[:, :1]) < 1.01 * EQUAL * runs[:, :1], axis=1)))
+    first, equal = stroke[:runs], np.ones(runs, dtype=bool)
+    for k in range(1, number):
+        equal &= np.abs(stroke[k : k + runs] - first) < 1.01 * EQUAL * first
+        if not equal.any():
+            return False
+    return True
 
 
 def _cycles(
