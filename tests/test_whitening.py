@@ -44,7 +44,7 @@ def test_pieces_do_not_show(monkeypatch):
         X=RNG.standard_normal((500, 2)), y=RNG.standard_normal(500), used=used, speed=np.ones(500), blocks=8
     )
     whole = bins.whiten(Colour(0.8))
-    monkeypatch.setattr("backdrive.identification.motion_bins.PIECE", 7)
+    monkeypatch.setattr("backdrive.identification.whitening.PIECE", 7)
     assert np.array_equal(bins.whiten(Colour(0.8)).X, whole.X) and np.array_equal(
         bins.whiten(Colour(0.8)).y, whole.y
     )

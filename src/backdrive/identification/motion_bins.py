@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals, default_cutoff
-from backdrive.identification.whitening import Colour, whiten, whiten_both
+from backdrive.identification.whitening import Colour, whiten_both, whiten_used
 from backdrive.logs import filters
 from backdrive.logs.quantiles import median
 
@@ -76,16 +76,16 @@ class Bins:
             return self._whiten_opposite(moving_average(correlation))
         if not correlation > 0.0:
             return self
-        at, X, y = np.flatnonzero(self.used), self.X.copy(), self.y.copy()
+        at = np.flatnonzero(self.used)
+        if not colour.beside:
+            return replace(
+                self, X=whiten_used(self.X, at, correlation), y=whiten_used(self.y, at, correlation)
+            )
+        X, y = self.X.copy(), self.y.copy()
         for first in range(0, at.size, PIECE):  # copies of all bins would fill the memory
-            if colour.beside:
-                rows = at[first : first + PIECE]
-                white = whiten_both(np.column_stack([self.X[rows], self.y[rows]]), rows, colour)
-                X[rows], y[rows] = white[:, :-1], white[:, -1]
-                continue
-            rows = at[first : first + PIECE + 1]
-            X[rows[1:]] = whiten(self.X[rows], np.diff(rows), correlation)[1:]
-            y[rows[1:]] = whiten(self.y[rows], np.diff(rows), correlation)[1:]
+            rows = at[first : first + PIECE]
+            white = whiten_both(np.column_stack([self.X[rows], self.y[rows]]), rows, colour)
+            X[rows], y[rows] = white[:, :-1], white[:, -1]
         return replace(self, X=X, y=y)
 
     def _whiten_opposite(self, share: float) -> Bins:

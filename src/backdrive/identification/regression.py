@@ -111,15 +111,17 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
     edges = np.searchsorted(block, np.arange(blocks + 1)).tolist()
     p = X.shape[1]
     root = np.sqrt(w)  # so that each product is symmetric, which takes half the time
-    whole, weights = np.empty((blocks, p + 1, p + 1)), np.zeros(blocks)
+    whole, rows, begun, done = np.empty((blocks, p + 1, p + 1)), np.empty((0, p + 1)), 0, 0
     for b, (first, last) in enumerate(zip(edges, edges[1:], strict=False)):
-        rows = np.empty((last - first, p + 1))
-        rows[:, :p], rows[:, p] = X[first:last], y[first:last]
-        rows *= root[first:last, None]
-        np.matmul(rows.T, rows, out=whole[b])
-        weights[b] = w[first:last].sum()
+        if last > done:  # of several blocks at once, in pieces that the cache holds
+            begun, done = first, max([last, *(edge for edge in edges if edge <= first + PIECE)])
+            rows = np.empty((done - begun, p + 1))
+            np.multiply(X[begun:done], root[begun:done, None], out=rows[:, :p])
+            np.multiply(y[begun:done], root[begun:done], out=rows[:, p])
+        part = rows[first - begun : last - begun]
+        np.matmul(part.T, part, out=whole[b])
     gram, moment = np.ascontiguousarray(whole[:, :p, :p]), whole[:, :p, p].copy()
-    return Blocks(gram=gram, moment=moment, power=whole[:, p, p].copy(), rows=weights)
+    return Blocks(gram=gram, moment=moment, power=whole[:, p, p].copy(), rows=np.bincount(block, w, blocks))
 
 
 def robust_spread(residual: np.ndarray, w: np.ndarray | None = None) -> float:

@@ -42,6 +42,7 @@ LEAST_OF_MEANS = (
     0.4  # least correlation of neighbouring means that is taken as that of an averaged autoregression [-]
 )
 HALVINGS = 40  # of the range in which a correlation is sought
+PIECE = 2_000  # number of rows that are whitened together, which the cache holds
 ANGLES = np.linspace(0.0, np.pi, 257)  # frequencies at which a spectrum is tested [rad/bin]
 
 
@@ -245,6 +246,32 @@ def whiten(rows: np.ndarray, apart: np.ndarray, correlation: float) -> np.ndarra
     far = np.flatnonzero(apart != 1)
     kept = (correlation ** apart[far]).reshape(-1, *[1] * (rows.ndim - 1))
     result[far + 1] = (rows[far + 1] - kept * rows[far]) / np.sqrt(1.0 - kept**2)
+    return result
+
+
+def whiten_used(rows: np.ndarray, at: np.ndarray, correlation: float) -> np.ndarray:
+    """Return rows of which some are as `whiten` makes them, all others as they are, (n, ...).
+
+    Args:
+        rows: one a sample, (n, ...).
+        at: index of each sample that is whitened, ascending, (m,).
+        correlation: of the noise of neighbouring samples, from 0 to below 1 [-].
+    """
+    result = np.empty_like(rows)
+    for first in range(
+        1, len(rows), PIECE
+    ):  # all as if they were neighbours, without a copy of those that are
+        part, before = result[first : first + PIECE], rows[first - 1 : first - 1 + PIECE]
+        np.multiply(before[: len(part)], correlation, out=part)
+        np.subtract(rows[first : first + PIECE], part, out=part)
+        part /= np.sqrt(1.0 - correlation**2)
+    apart = np.diff(at)
+    far = np.flatnonzero(apart != 1)
+    here, kept = at[far + 1], (correlation ** apart[far]).reshape(-1, *[1] * (rows.ndim - 1))
+    result[here] = (rows[here] - kept * rows[at[far]]) / np.sqrt(1.0 - kept**2)
+    same = np.ones(len(rows), dtype=bool)
+    same[at[1:]] = False
+    result[same] = rows[same]
     return result
 
 
