@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -12,6 +13,8 @@ from backdrive.identification import design, regression
 from backdrive.identification.delay import earlier
 from backdrive.identification.motion_bins import CHUNK, bin_size
 from backdrive.identification.signals import Signals
+
+TAPS = 3  # samples to either side by which a delayed one is interpolated, and one more
 
 
 def predict_blocks(
@@ -36,31 +39,24 @@ def predict_blocks(
         of_sample = np.append(of_sample, np.full(s.time.size - of_sample.size, of_bin[-1]))
         edges = [0, *(np.flatnonzero(np.diff(of_sample)) + 1).tolist(), s.time.size]
         blocks = [slice(a, b) for a, b in pairwise(edges)]
-        at_once = len(blocks) if s.time.size <= CHUNK else 1  # long stretches fill the memory
-        groups = [blocks[k : k + at_once] for k in range(0, len(blocks), at_once)]
+        groups = blocks if s.time.size > CHUNK else [slice(0, s.time.size)]  # long ones fill the memory
         torques = [
-            design.predict(
-                choice.candidate, choice.left_out, _delay_blocks(s, group, delay), of_sample[_span(group)]
-            )
-            for group in groups
+            design.predict(choice.candidate, choice.left_out, _delay_rows(s, rows, delay), of_sample[rows])
+            for rows in groups
         ]
         predicted.append(np.concatenate(torques) if len(torques) > 1 else torques[0])
     return predicted
 
 
-def _span(blocks: Sequence[slice]) -> slice:
-    """Return the slice of neighbouring blocks together."""
-    return slice(blocks[0].start, blocks[-1].stop)
-
-
-def _delay_blocks(s: Signals, blocks: Sequence[slice], delay: float) -> Signals:
-    """Return the signals of neighbouring blocks with motion delayed by a time [s], each block by itself."""
-    part = s.rows(_span(blocks))
+def _delay_rows(s: Signals, rows: slice, delay: float) -> Signals:
+    """Return the signals of some samples with motion delayed by a time [s]."""
+    part, beside = s.rows(rows), math.ceil(abs(delay) * s.rate) + TAPS
     if not delay:
         return part
+    begin, end = max(rows.start - beside, 0), min(rows.stop + beside, s.time.size)
     motion = {name: getattr(s, name) for name in ("velocity", "acceleration", "position")}
     late = {
-        name: np.concatenate([earlier(x[block], delay * s.rate) for block in blocks])
+        name: earlier(x[begin:end], delay * s.rate)[rows.start - begin : rows.stop - begin]
         for name, x in motion.items()
         if x is not None
     }

@@ -158,8 +158,8 @@ def forms(fine: np.ndarray, coarse: dict[str, np.ndarray], both_directions: bool
         one = hats(fine, knots)
         result.append(Form(name=name, knots=knots, symmetric=True, spread=np.vstack([one, one])))
         if both_directions:
-            zero = np.zeros_like(one)
-            two = np.block([[one, zero], [zero, one]])
+            two = np.zeros((2 * len(fine), 2 * knots.size))
+            two[: len(fine), : knots.size] = two[len(fine) :, knots.size :] = one
             result.append(Form(name=f"{name} by direction", knots=knots, symmetric=False, spread=two))
     return result
 

@@ -75,12 +75,12 @@ class DelayStretch:
 
     def _means(self, series: np.ndarray, whole: int, weights: tuple[float, ...]) -> np.ndarray:
         """Return the means of extended series over bins, delayed by an integer number of samples and by weights, (k, n)."""
-        size, width = self.count * self.width, self.width
-        part = series[:, self._margin - whole - 2 :]
+        size, width, moved = self.count * self.width, self.width, np.empty((len(series), self.count))
         kernel = np.convolve(np.ones(width) / width, weights)
-        moved = part[:, :size].reshape(len(series), self.count, width) @ kernel[:width]
-        for k in range(width, width + 3):
-            moved += kernel[k] * part[:, k : k + size : width]
+        for row, of_row in zip(series[:, self._margin - whole - 2 :], moved, strict=True):
+            np.matmul(row[:size].reshape(-1, width), kernel[:width], out=of_row)
+            for k in range(width, width + 3):
+                of_row += kernel[k] * row[k : k + size : width]
         return moved
 
     def head(self, delay: float) -> np.ndarray:

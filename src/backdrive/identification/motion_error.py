@@ -8,6 +8,7 @@ positions' noise is returned.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import comb
@@ -19,6 +20,7 @@ from backdrive.identification.regression import robust_spread
 from backdrive.identification.whitening import LAGS, WHITE, Colour, power_of
 from backdrive.logs.filters import gain_of_derivative, power_gain
 from backdrive.logs.log import Log
+from backdrive.logs.quantiles import median
 from backdrive.logs.resolution import channel_step, encoder_step
 
 GRID = 1024  # number of frequencies for the error
@@ -202,7 +204,7 @@ def _noise(x: np.ndarray, velocity: bool = False) -> tuple[float, bool]:
     if velocity:
         shapes += [4.0 * np.sin(np.pi * f) ** 2, np.sin(2.0 * np.pi * f) ** 2]
     best = int(np.argmin([_uneven(power / shape) for shape in shapes])) if velocity else 0
-    return float(np.sqrt(np.median(power / shapes[best]))), best > 0
+    return math.sqrt(median((power / shapes[best]).ravel())), best > 0
 
 
 def _uneven(power: np.ndarray) -> float:

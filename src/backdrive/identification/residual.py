@@ -335,7 +335,7 @@ def residual_of(
     joined = [
         np.concatenate(each) if len(each) > 1 else each[0] for each in map(list, zip(*columns, strict=True))
     ]
-    rate = float(np.median([s.rate for s, *_ in parts]))
+    rate = median(np.array([s.rate for s, *_ in parts]))
     if not joined[-1].any():
         joined[-1] = joined[-2]
     names = (f.name for f in fields(Residual))  # the arrays come first, as above

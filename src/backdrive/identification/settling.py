@@ -20,6 +20,7 @@ from backdrive.identification.signals import Signals, since_reversal, way_since_
 from backdrive.identification.slip import fit
 from backdrive.identification.whitening import WHITE, Colour
 from backdrive.logs import filters
+from backdrive.logs.quantiles import median
 
 # tested distances, relative to the median distance between two reversals [-]
 SHARES = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.24, 0.32, 0.45)
@@ -150,4 +151,4 @@ def _ways(
         moves.append(count + np.cumsum(np.diff(ways[-1], prepend=0.0) < 0.0))
         count = 1 + int(moves[-1].max(initial=count))
         middles.append(middle)
-    return np.concatenate(ways), np.concatenate(senses), np.concatenate(moves), float(np.median(middles))
+    return np.concatenate(ways), np.concatenate(senses), np.concatenate(moves), median(np.array(middles))

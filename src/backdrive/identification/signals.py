@@ -13,7 +13,7 @@ from backdrive.errors import InvalidInput, NotIdentifiable
 from backdrive.identification.clock import EVEN, between_gaps, holes, uniform
 from backdrive.logs import filters
 from backdrive.logs.log import Log
-from backdrive.logs.quantiles import quantile
+from backdrive.logs.quantiles import median, quantile
 
 SHORTEST = 50  # least number of samples of a stretch between gaps
 BLUNT = 15.0  # cutoff frequency below which a low pass may blur the motion of a servo [Hz]
@@ -290,8 +290,9 @@ def turns(velocity: np.ndarray) -> np.ndarray:
     sign = (velocity > 0.0).view(np.int8) - (velocity < 0.0).view(
         np.int8
     )  # an eighth of the memory of `np.sign`
-    across = np.flatnonzero((sign[:-2] == -sign[2:]) & (sign[1:-1] == 0) & (sign[2:] != 0))
-    sign[across + 1] = sign[across]
+    if np.count_nonzero(sign) < sign.size:
+        across = np.flatnonzero((sign[:-2] == -sign[2:]) & (sign[1:-1] == 0) & (sign[2:] != 0))
+        sign[across + 1] = sign[across]
     return np.flatnonzero(sign[1:] != sign[:-1])
 
 
@@ -312,7 +313,7 @@ def since_reversal(velocity: np.ndarray, rate: float) -> tuple[np.ndarray, float
     _, way, of_move = _ways(velocity)
     way /= rate
     moved = of_move[of_move >= SLIGHT * _usual(of_move)]
-    return way, float(np.median(moved)) / rate
+    return way, median(moved) / rate
 
 
 def _usual(of_move: np.ndarray) -> float:

@@ -289,6 +289,8 @@ class Log(Display):
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
+        if isinstance(index, slice) and index.indices(len(self)) == (0, len(self), 1):
+            return self
         arrays = self.channels | ({} if self.wrench is None else {"wrench": self.wrench})
         return replace(self, time=self.time[index], **{k: v[index] for k, v in arrays.items()})
 
