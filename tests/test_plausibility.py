@@ -13,6 +13,7 @@ from backdrive.identification.alignment import best_lag, is_of_joint
 from backdrive.identification.delay import LATE
 from backdrive.identification.lateness import delay, delay_beside_distance
 from backdrive.identification.names import same_names
+from backdrive.identification.outliers import count_single
 from backdrive.identification.plausibility_law import break_away, vague_level
 from backdrive.identification.plausibility_numbers import delay_at_bound, unseen_presliding
 from backdrive.identification.quality import grade
@@ -66,6 +67,18 @@ def test_what_is_planted_is_remarked_on_first(sound, plant, words):
     _, sentences = remarks(sound.replace(torque=plant(sound)), accept=("outlier",))
     assert sum(words in s for s in sentences) == 1
     assert len(set(sentences)) == len(sentences)
+
+
+def test_single_samples_are_outliers_and_friction_that_builds_up_is_none():
+    error = 0.01 * np.random.default_rng(3).standard_normal(400)
+    slides, friction = np.ones(400, dtype=bool), np.ones(400)
+    assert count_single(error, slides, friction) == 0
+    slides[100:107], error[100:109] = False, np.linspace(1.0, 0.2, 9)  # after a reversal; the last two slide
+    assert count_single(error, slides, friction) == 0
+    error[[30, 250, 399]] += 1.0  # nothing tells an outlier at the end from a step
+    assert count_single(error, slides, friction) == 2
+    error[251] += 1.0  # two in a row are no single one
+    assert count_single(error, slides, friction) == 1
 
 
 def test_known_torque_has_a_share_of_one(sound):

@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals, default_cutoff
-from backdrive.identification.whitening import Colour, whiten_both, whiten_used
+from backdrive.identification.whitening import Colour, whiten_both, whiten_some
 from backdrive.logs import filters
 from backdrive.logs.quantiles import median
 
@@ -79,7 +79,7 @@ class Bins:
         at = np.flatnonzero(self.used)
         if not colour.beside:
             return replace(
-                self, X=whiten_used(self.X, at, correlation), y=whiten_used(self.y, at, correlation)
+                self, X=whiten_some(self.X, at, correlation), y=whiten_some(self.y, at, correlation)
             )
         X, y = self.X.copy(), self.y.copy()
         for first in range(0, at.size, PIECE):  # copies of all bins would fill the memory

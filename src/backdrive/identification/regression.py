@@ -19,8 +19,7 @@ NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 MOST_NOISE = 0.5  # largest share of a column's mean square that is taken as noise [-]
 WELL = 1e6  # condition number up to which an inverse is as accurate as a pseudoinverse [-]
 HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
-# largest change of all residuals together in the last round of a robust fit [width of Huber's loss]
-SETTLED = 1e-2
+SETTLED = 1e-2  # largest change of all residuals together in the last round [width of Huber's loss]
 CLOSE = 3.0  # largest such change before a Newton step [width of Huber's loss]
 HELD = 0.05  # weight of a residual on the line in a Newton step, so that no column is undetermined [-]
 
@@ -108,8 +107,7 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
         block: block of each sample, sorted, (n,).
         blocks: number of blocks.
     """
-    edges = np.searchsorted(block, np.arange(blocks + 1)).tolist()
-    p = X.shape[1]
+    edges, p = np.searchsorted(block, np.arange(blocks + 1)).tolist(), X.shape[1]
     root = np.sqrt(w)  # so that each product is symmetric, which takes half the time
     whole, rows, begun, done = np.empty((blocks, p + 1, p + 1)), np.empty((0, p + 1)), 0, 0
     for b, (first, last) in enumerate(zip(edges, edges[1:], strict=False)):

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from backdrive.identification.curves import basis
+from backdrive.identification.outliers import count_single
 from backdrive.identification.projection import CLEAR, inverse_of, orthonormal
 from backdrive.identification.signals import Signals, surely_sliding
 from backdrive.identification.waves import waves_at
@@ -28,8 +29,6 @@ from backdrive.logs.resolution import resolution
 MEAN = 0.01  # length of a mean [s]
 BLOCK = 0.4  # length of a block of means [s]
 FEWEST_BLOCKS = 8  # least number of blocks for a test, in excess of the number of columns
-WILD = 8.0  # residual above which a sample is an outlier [standard deviation]
-LEAST = 0.05  # the same, relative to the friction: what a model misses about reversals is small beside it [-]
 OUTLYING = 3.0  # the same of a mean
 FINEST = 100.0  # largest number of waves over the range of positions
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
@@ -322,16 +321,9 @@ def residual_of(
         masks = [x[: n * width].reshape(n, width).all(axis=1) for x in (s.moving, slides, settles)]
         known = np.broadcast_to(0.0, n) if s.model_torque is None else filters.means(s.model_torque, width)
         columns.append([*means, known, np.full(n, number, dtype=np.int32), *masks])
-        error = np.zeros(0) if means_alone else (s.torque - predicted)[slides]
-        if error.size:
-            error = np.abs(error - median(error))
-            least = LEAST * float(np.mean(np.abs(friction[slides])))
-            off = error > max(WILD * 1.4826 * median(error), least)
-            beside = off[1:] & off[:-1]
-            off[1:] &= ~beside
-            off[:-1] &= ~beside
-            far += int(np.count_nonzero(off))
-            count += error.size
+        if not means_alone and slides.any():
+            far += count_single(s.torque - predicted, slides, friction)
+            count += int(np.count_nonzero(slides))
     joined = [
         np.concatenate(each) if len(each) > 1 else each[0] for each in map(list, zip(*columns, strict=True))
     ]

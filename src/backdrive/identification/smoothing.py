@@ -164,7 +164,8 @@ def _longest(log: Log) -> np.ndarray | None:
     first = max(part.start, (part.start + part.stop - LONGEST) // 2)
     part = slice(first, min(first + LONGEST, part.stop))
     rows = part if good.size == len(log) else good[part]
-    _, along = uniform(log.rows(rows), log.period)  # a lost sample is no jump of the position
+    longest = log if part == slice(0, len(log)) else log.rows(rows)
+    _, along = uniform(longest, log.period)  # a lost sample is no jump of the position
     motion = along.velocity if along.position is None else along.position
     return None if motion is None else motion[:, 0]
 

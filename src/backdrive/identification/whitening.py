@@ -249,7 +249,7 @@ def whiten(rows: np.ndarray, apart: np.ndarray, correlation: float) -> np.ndarra
     return result
 
 
-def whiten_used(rows: np.ndarray, at: np.ndarray, correlation: float) -> np.ndarray:
+def whiten_some(rows: np.ndarray, at: np.ndarray, correlation: float) -> np.ndarray:
     """Return rows of which some are as `whiten` makes them, all others as they are, (n, ...).
 
     Args:

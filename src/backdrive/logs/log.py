@@ -17,10 +17,10 @@ import numpy as np
 from backdrive._upper import Display, upper
 from backdrive.errors import InvalidInput
 from backdrive.logs.joint import Drive, Joint, Source, as_joints, check_coupling
+from backdrive.logs.quantiles import median
 from backdrive.logs.values import check_period, read_only
 
-#: Larger numbers are not measurements in any unit, and products of a few of them overflow; an infinity counts as a missing
-#: sample.
+#: Larger numbers are measurements in no unit, and products of a few overflow; an infinity counts as a missing sample.
 LARGEST = 1e60
 AS_SI = "was taken as SI"  # words of a note on a doubtful unit
 #: Words of the same note where nobody said that the unit is right: without a factor, or with one that seems of another unit.
@@ -209,7 +209,7 @@ class Log(Display):
         Raises:
             InvalidInput: it is above zero and below a picosecond.
         """
-        return check_period(float(np.median(np.diff(self.time)))) if len(self) > 1 else float("nan")
+        return check_period(median(np.diff(self.time))) if len(self) > 1 else float("nan")
 
     @property
     def duration(self) -> float:
@@ -289,8 +289,6 @@ class Log(Display):
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
-        if isinstance(index, slice) and index.indices(len(self)) == (0, len(self), 1):
-            return self
         arrays = self.channels | ({} if self.wrench is None else {"wrench": self.wrench})
         return replace(self, time=self.time[index], **{k: v[index] for k, v in arrays.items()})
 

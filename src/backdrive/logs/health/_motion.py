@@ -76,7 +76,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         v = own[number][1]
         if not v.size:
             continue
-        slow = np.concatenate([[0], np.cumsum(np.abs(v) < SLOW * top)])
+        slow = np.concatenate([[0], np.cumsum(np.abs(v) < SLOW * top, dtype=np.int32)])
         raws.append(raw)
         smooth = running(running(raw, light), heavy)
         at = np.arange(reach, len(smooth) - reach, every)
@@ -133,10 +133,11 @@ def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
     parts: list[np.ndarray] = []
     plain = 0
     for q, v, a in own:
-        columns = [a, np.sign(v), v, np.ones_like(v)]
-        columns += [np.sin(q - middle), np.cos(q - middle)] if wide else [q - middle] if span > 0 else []
+        way, size, angle = np.sign(v), np.abs(v), q - middle
+        columns = [a, way, v, np.ones_like(v)]
+        columns += [np.sin(angle), np.cos(angle)] if wide else [angle] if span > 0 else []
         plain = len(columns)
-        columns += [v * np.abs(v), np.sign(v) * np.exp(-np.abs(v) / (0.05 * top))]
+        columns += [v * size, way * np.exp(size / (-0.05 * top))]
         parts.append(np.array(columns))
     return parts, plain, top
 
@@ -214,9 +215,20 @@ def _path(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]
             x = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
         q, even = running(x, light), np.ptp(steps) < _EVEN * exam.period
         s = float(t[-1]) / (t.size - 1) if even else running(t, light)
-        v = np.gradient(q, s)
-        out.append((q, v, np.gradient(v, s)))
+        v = _slope(q, s)
+        out.append((q, v, _slope(v, s)))
     return out if any(q.size for q, _, _ in out) else None
+
+
+def _slope(x: np.ndarray, period: float | np.ndarray) -> np.ndarray:
+    """Return `numpy.gradient` of a series (n,) over a clock, or over a period in a third of the time."""
+    if isinstance(period, np.ndarray):
+        return np.gradient(x, period)
+    slope = np.empty_like(x)
+    np.subtract(x[2:], x[:-2], out=slope[1:-1])
+    slope[1:-1] /= 2.0 * period
+    slope[0], slope[-1] = (x[1] - x[0]) / period, (x[-1] - x[-2]) / period
+    return slope
 
 
 def running(x: np.ndarray, width: int) -> np.ndarray:
@@ -251,9 +263,10 @@ def sparse(x: np.ndarray, width: int, reach: int) -> np.ndarray:
     offset, weights, step = x[:, :1], _weights(width), width // 2
     parts, room = -(-weights.size // step), x.shape[1] - weights.size + 1 - 2 * reach
     m = max(-(-room // step), 0)
-    held = np.zeros((x.shape[0], (m + parts - 1) * step))
+    held = np.empty((x.shape[0], (m + parts - 1) * step))
     reached = x[:, reach : reach + held.shape[1]]
     np.subtract(reached, offset, out=held[:, : reached.shape[1]])
+    held[:, reached.shape[1] :] = 0.0
     share = np.zeros(parts * step)
     share[: weights.size] = weights
     sums = (share.reshape(parts, step) @ held.reshape(-1, step).T).reshape(parts, len(x), -1)

@@ -78,5 +78,7 @@ def excess(change: np.ndarray) -> np.ndarray:
     Args:
         change: from sample to sample, (n - 1, ...).
     """
-    into, out = change[:-1], change[1:]
-    return np.maximum(np.maximum(np.minimum(into, -out), np.minimum(-into, out)), 0.0)
+    into, away = change[:-1], -change[1:]
+    up, down = np.minimum(into, away), np.maximum(into, away)
+    np.maximum(up, np.negative(down, out=down), out=up)
+    return np.maximum(up, 0.0, out=up)
