@@ -75,12 +75,17 @@ class DelayStretch:
 
     def _means(self, series: np.ndarray, whole: int, weights: tuple[float, ...]) -> np.ndarray:
         """Return the means of extended series over bins, delayed by an integer number of samples and by weights, (k, n)."""
-        size, width, moved = self.count * self.width, self.width, np.empty((len(series), self.count))
-        kernel = np.convolve(np.ones(width) / width, weights)
+        width, kernel = self.width, np.convolve(np.ones(self.width) / self.width, weights)
+        taps = np.zeros((-(-kernel.size // width), width))  # those of a bin, and of the ones after it
+        taps.reshape(-1)[: kernel.size] = kernel
+        moved = np.empty((len(series), self.count))
         for row, of_row in zip(series[:, self._margin - whole - 2 :], moved, strict=True):
-            np.matmul(row[:size].reshape(-1, width), kernel[:width], out=of_row)
-            for k in range(width, width + 3):
-                of_row += kernel[k] * row[k : k + size : width]
+            parts = taps @ row[: self.count * width].reshape(-1, width).T
+            of_row[:] = parts[0]
+            for k in range(1, len(taps)):
+                of_row[:-k] += parts[k, k:]
+            for k in range(max(self.count - len(taps) + 1, 0), self.count):  # these reach beyond the last bin
+                of_row[k] = kernel @ row[k * width : k * width + kernel.size]
         return moved
 
     def head(self, delay: float) -> np.ndarray:

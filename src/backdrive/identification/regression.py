@@ -182,18 +182,19 @@ def _reweigh(
     """Return Huber's weights times `w`, (n,), and the solution for them, (p,)."""
     inside = np.flatnonzero(w)
     p, prior, count = X.shape[1], w[inside], inside.size
-    whole = np.zeros((p + 1, p + 1))  # of X and y: one product gives both sides of the equations
+    gram, moment = np.zeros((p, p)), np.zeros(p)
     for first in range(0, count, PIECE):  # in pieces that the cache holds
-        part = _rows(X, y, inside[first : first + PIECE], prior[first : first + PIECE])
-        whole += part.T @ part
-    scale = np.sqrt(np.maximum(whole.diagonal()[:p], 1e-300))
-    scale = np.append(scale, 1.0)
-    whole /= scale[:, None] * scale
-    whole.reshape(-1)[: p * (p + 1) : p + 2] += RIDGE  # the diagonal of X'X
+        rows, right = _rows(X, y, inside[first : first + PIECE], prior[first : first + PIECE])
+        gram += rows.T @ rows
+        moment += right @ rows
+    scale = np.sqrt(np.maximum(gram.diagonal(), 1e-300))
+    gram /= scale[:, None] * scale
+    gram.reshape(-1)[:: p + 1] += RIDGE
+    moment /= scale
     lighter, lost, residual = inside[:0], prior[:0], np.full(count, np.inf)
-    solution = _solve_unit(whole) if start is None else start * scale[:p]
+    solution = _solve_unit(gram, moment) if start is None else start * scale
     for _ in range(rounds):
-        left = y - X @ (solution / scale[:p])
+        left = y - X @ (solution / scale)
         residual, before = left if count == y.size else left[inside], residual
         size = np.abs(residual)
         width = HUBER * _spread_of(size) if count else 0.0
@@ -206,35 +207,34 @@ def _reweigh(
         # Newton's step near the solution, where the width is steady; reweighting is slower, but leads there from anywhere
         direct = moved <= (CLOSE * width) ** 2
         given = (1.0 - HELD) * prior[lighter] if direct else lost
-        rows = _rows(X, y, inside[lighter], given)  # few, whose weight is subtracted from all equations
+        # few, whose weight is subtracted from all equations
+        rows, right = _rows(X, y, inside[lighter], given)
         rows /= scale
-        equations = whole - rows.T @ rows
         if direct:  # the line that continues the square pulls with a constant force
             far = residual[lighter]
-            force = (np.copysign(width, far) - HELD * far) * np.sqrt(prior[lighter] / (1.0 - HELD))
-            equations[:p, p] += force @ rows[:, :p]
-        solution = _solve_unit(equations)
+            right -= (np.copysign(width, far) - HELD * far) * np.sqrt(prior[lighter] / (1.0 - HELD))
+        solution = _solve_unit(gram - rows.T @ rows, moment - right @ rows)
     weights = prior.copy()
     weights[lighter] -= lost
     result = np.zeros(w.size)
     result[inside] = weights
-    return result, solution / scale[:p]
+    return result, solution / scale
 
 
-def _rows(X: np.ndarray, y: np.ndarray, at: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Return some rows of X and y side by side, times the square roots of their weights, (m, p + 1)."""
-    rows = np.empty((at.size, X.shape[1] + 1))
-    rows[:, :-1], rows[:, -1] = X.take(at, axis=0), y.take(at)
+def _rows(X: np.ndarray, y: np.ndarray, at: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return some rows of X, (m, p), and of y, (m,), times the square roots of their weights."""
+    rows, right = X.take(at, axis=0), y.take(at)
     if not (weight == 1.0).all():
-        rows *= np.sqrt(weight)[:, None]
-    return rows
+        root = np.sqrt(weight)
+        rows *= root[:, None]
+        right *= root
+    return rows, right
 
 
-def _solve_unit(equations: np.ndarray) -> np.ndarray:
-    """Return the solution of normal equations [X'X, X'y] with columns of about unit length, (p,)."""
-    p = len(equations) - 1
-    _, solution, failure = dposv(equations[:p, :p], equations[:p, p])
-    return solution if failure == 0 else np.linalg.solve(equations[:p, :p], equations[:p, p])
+def _solve_unit(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Return the solution of normal equations with columns of about unit length, (p,)."""
+    _, solution, failure = dposv(gram, moment)
+    return solution if failure == 0 else np.linalg.solve(gram, moment)
 
 
 def block_losses(blocks: Blocks, theta: np.ndarray) -> np.ndarray:

@@ -52,7 +52,7 @@ def finish(
     """
     stretches = [s for _, s in pairs]
     v = np.concatenate([s.velocity for s in stretches])
-    low, high = np.percentile(v, [0.2, 99.8])
+    ends = [float(end(s.velocity)) for s, _ in pairs for end in (np.min, np.max)]
     load = [s.load[:, 1] for s in stretches if s.load.shape[0] > 1]
     warmth = [s.temperature for s in stretches if s.temperature.size > 1]
     predicted = final.predict(stretches)
@@ -70,7 +70,7 @@ def finish(
         dynamics=dynamics,
         covariance=law_covariance(final, dynamics),
         validity=Validity(
-            velocity=(float(min(low, 0.0)), float(max(high, 0.0))),
+            velocity=(min(*ends, 0.0), max(*ends, 0.0)),
             load=_span(load),
             nominal_load=float(np.abs(np.concatenate(load)).mean()) if load else None,
             lowest_speed=slowest,
