@@ -658,8 +658,14 @@ def test_words_on_a_curve_that_goes_one_way_or_further_one_way():
 
     both = verdict(friction(velocity=(-2.0, 1.0)))
     assert (
-        "Friction is 5.04 N.m forwards and 4.08 N.m backwards at 0.04 rad/s, 6 and 8 N.m at 1 and 2 rad/s."
+        "Friction is 5.04 N.m along +q and 4.08 N.m along -q at 0.04 rad/s, 6 and 8 N.m at 1 and 2 rad/s."
         in both
+    )
+    alike = CoulombViscous(
+        coulomb_positive=5.0, coulomb_negative=5.0, viscous_positive=1.0, viscous_negative=2.0
+    )
+    assert verdict(friction(alike, velocity=(-1.0, 1.0))).startswith(
+        "Friction is 5.02 N.m at 0.02 rad/s, 6 N.m along +q and 7 N.m along -q at 1 rad/s."
     )
     back = verdict(friction(velocity=(-2.0, 0.05)))
     assert "Friction is 4.08 N.m at 0.04 rad/s and 8 N.m at 2 rad/s." in back

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -21,6 +21,9 @@ from backdrive.model import JointFriction
 
 MOST = 4000  # largest number of samples for pictures
 SURE = 5.0  # least significance of a constant beside friction that is mentioned [standard error]
+ALIKE = (
+    0.02  # largest difference of the directions that is not told, relative to the friction at top speed [-]
+)
 SEEN = 0.05  # least speed of a direction that is stated, relative to the other's [-]
 
 
@@ -93,20 +96,35 @@ def curve(
 
 def verdict(friction: JointFriction) -> str:
     """Return the result in one or two sentences."""
-    unit = friction.joint.torque_unit
-    speed = f"{friction.joint.unit}/s"
     slowest, top = friction.speeds
     ways = {way: speeds[1] for way, speeds in friction.speeds_by_way.items() if speeds[1] > SEEN * top}
-    tops, signs = list(ways.values()), np.array(list(ways))
-    slow, fast = (signs * friction.law.torque(speed * signs) for speed in (slowest, np.array(tops)))
-    if slow.size == 2 and max(np.ptp(slow), np.ptp(fast)) > 0.02 * np.abs(fast).max():
-        amount = (
-            f"Friction is {slow[0]:.3g} {unit} forwards and {slow[1]:.3g} {unit} backwards at {slowest:.2g} {speed}, "
-            f"{fast[0]:.3g} and {fast[1]:.3g} {unit} at {' and '.join(dict.fromkeys(f'{v:.3g}' for v in tops))} {speed}."
-        )
-    else:
-        amount = f"Friction is {slow[0]:.3g} {unit} at {slowest:.2g} {speed} and {fast[0]:.3g} {unit} at {tops[0]:.3g} {speed}."
-    return f"{amount} {describe_fit(friction)}"
+    return f"{amount_of(friction, slowest, ways)} {describe_fit(friction)}"
+
+
+def amount_of(friction: JointFriction, slowest: float, tops: Mapping[float, float]) -> str:
+    """Return a sentence on how large friction is at two speeds, by direction where the directions differ.
+
+    Args:
+        friction: the result.
+        slowest: the first speed [rad/s or m/s].
+        tops: direction, 1 and -1 or one of them -> the second speed in it [rad/s or m/s].
+    """
+    unit, speed = friction.joint.torque_unit, f"{friction.joint.unit}/s"
+    signs, fastest = np.array([*tops, *tops.values()]).reshape(2, -1)
+    slow, fast = (signs * friction.law.torque(v * signs) for v in (slowest, fastest))
+    least = ALIKE * float(np.abs(fast).max())
+
+    def words_of(torque: np.ndarray, known: bool = False) -> str:
+        if torque.size == 1 or np.ptp(torque) <= least:
+            return f"{torque[0]:.3g} {unit}"
+        if known:  # which direction comes first
+            return f"{torque[0]:.3g} and {torque[1]:.3g} {unit}"
+        return f"{torque[0]:.3g} {unit} along +q and {torque[1]:.3g} {unit} along -q"
+
+    first, at = words_of(slow), " and ".join(dict.fromkeys(f"{v:.3g}" for v in fastest.tolist()))
+    second = words_of(fast, known=" and " in first)
+    between = "," if " and " in first + second else " and"
+    return f"Friction is {first} at {slowest:.3g} {speed}{between} {second} at {at} {speed}."
 
 
 def constant_beside(friction: JointFriction, share: float) -> str:

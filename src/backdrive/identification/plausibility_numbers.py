@@ -102,7 +102,7 @@ def directions(case: Case) -> Remark | None:
         return None
     return Remark(
         severity="care",
-        sentence=f"Friction is {forth:.3g} {case.unit} forwards and {back:.3g} {case.unit} backwards: so large a "
+        sentence=f"Friction is {forth:.3g} {case.unit} along +q and {back:.3g} {case.unit} along -q: so large a "
         f"difference is more likely a constant torque (gravity, a bias) than friction.",
     )
 

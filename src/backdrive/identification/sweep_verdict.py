@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from backdrive.identification.curves import hats
-from backdrive.identification.evidence import constant_beside, describe_fit
+from backdrive.identification.evidence import amount_of, constant_beside, describe_fit
 from backdrive.identification.sweep_fit import SweepFit
 from backdrive.laws import Polyline
 from backdrive.model import JointFriction
@@ -53,15 +53,7 @@ def verdict(friction: JointFriction, found: SweepFit) -> str:
     unit, speed, rate = friction.joint.torque_unit, f"{friction.joint.unit}/s", friction.law.rate
     assert isinstance(rate, Polyline)
     slowest, top = rate.velocity[0], friction.validity.speeds[1]  # as in the table of the report
-    slow = friction.law.torque(np.array([slowest, -slowest])) * (1, -1)
-    fast = friction.law.torque(np.array([top, -top])) * (1, -1)
-    if found.symmetric:
-        said = f"Friction is {slow[0]:.3g} {unit} at {slowest:.3g} {speed} and {fast[0]:.3g} {unit} at {top:.3g} {speed}."
-    else:
-        said = (
-            f"Friction is {slow[0]:.3g} {unit} along +q and {slow[1]:.3g} {unit} along -q at {slowest:.3g} {speed}, {fast[0]:.3g} "
-            f"and {fast[1]:.3g} {unit} at {top:.3g} {speed}."
-        )
+    said = amount_of(friction, slowest, {1.0: top, -1.0: top})
     if friction.standard_errors:
         worst = np.max([found.error_pos, found.error_neg])
         said += f" Its {len(rate.velocity)} knots have standard errors up to {worst:.2g} {unit}."
