@@ -13,6 +13,11 @@ PLAIN = pytest.mark.skipif(
 )
 
 
+def one_of_a_kind(names: Iterable[str]) -> list[str]:
+    """Return the names whose loops are compiled in a test; without the compiler, all."""
+    return [name for name in names if name in FEW or numba.config.DISABLE_JIT]
+
+
 def of_a_kind(names: Iterable[str], *more: object) -> list:
     """Return a case of a test for each name, with more arguments behind it."""
     return [pytest.param(name, *more, marks=() if name in FEW else PLAIN) for name in names]

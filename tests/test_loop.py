@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from _kinds import of_a_kind
 from _loops import Bench, guarded
 from backdrive.control import Admittance, BareLoop, JointLoop, Loop, torque_limit
 from backdrive.control.admittance import tick as admit
@@ -196,7 +197,7 @@ def test_a_nan_beside_the_readings_is_survived(where):
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of NumPy's scalars, without the compiler
-@pytest.mark.parametrize("name", sorted(ELEMENT_EXAMPLES))
+@pytest.mark.parametrize("name", of_a_kind(sorted(ELEMENT_EXAMPLES)))
 def test_every_law_survives_readings_beyond_all_measure(name):
     law = Law(rate=RATE_EXAMPLES["stribeck-gauss"], element=ELEMENT_EXAMPLES[name])
     joint = BareLoop(compensator=by_law(law), external=ExternalForce(inertia=1.0, method="extended"))

@@ -7,6 +7,7 @@ import numba as nb
 import numpy as np
 import pytest
 
+from _kinds import one_of_a_kind
 from backdrive.engine import Axis, DriveModel, Motions, Servo, forward, rollout
 from backdrive.engine.axis import advance, gravity, implicit_velocity
 from backdrive.engine.cores import available, spread
@@ -408,8 +409,9 @@ def test_a_rollout_says_what_is_wrong_and_where():
 
 
 def test_lanes_of_many_laws_keep_their_places_and_their_states():
-    laws = [Law(rate=rate) for rate in RATE_EXAMPLES.values()]
-    laws += [Law(rate=CURVE, element=e) for e in ELEMENT_EXAMPLES.values()] + [laws[3]]
+    laws = [Law(rate=RATE_EXAMPLES[name]) for name in one_of_a_kind(RATE_EXAMPLES)]
+    laws += [Law(rate=CURVE, element=ELEMENT_EXAMPLES[name]) for name in one_of_a_kind(ELEMENT_EXAMPLES)]
+    laws.append(laws[1])
     lanes, dt = Lanes(laws), 1e-3
     assert lanes.rates.tolist() == [law.rate.KIND for law in laws]
     assert lanes.elements.tolist() == [law.element.KIND for law in laws]
