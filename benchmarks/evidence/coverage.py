@@ -33,12 +33,14 @@ import numpy as np
 from _common import Judge, first_seed, parser
 from _coverage_cells import Number, numbers
 from _coverage_conditions import CONDITIONS
+from scipy import stats
 
 INSIDE = (0.88, 0.99)  # share of truths in the 95 % interval
 WHOLE = 200  # logs of a whole run
 WIDTH = 1.5  # median width by the oracle's, at most
 OPEN = 0.1  # share that may be told nothing of
 BEYOND, SHARE, LOGS = 3.0, 0.1, 0.02  # stated errors; of a log's numbers; of the logs
+CHANCE = 1e-3  # with which a short run may be off without being judged
 ERROR = 1.959964  # half width of a 95 % interval [standard error]
 
 
@@ -75,7 +77,7 @@ def main() -> None:
     print(f"{len(cells)} cells, {len(judge.short)} of them fall short")
     if asked.logs < WHOLE:
         print(
-            f"a short run: shares may be off by two standard errors of chance; {WHOLE} logs have no such slack"
+            f"a short run: what chance does once in {1.0 / CHANCE:g} cells is not judged; {WHOLE} logs have no such slack"
         )
     judge.end()
 
@@ -126,18 +128,30 @@ def _judge(judge: Judge, key: tuple[str, str, str], cell: list[Number], silent: 
         f"{key[0]:30s} {key[1]:24s} {key[2]:9s} {len(by_log):5d} {len(cell):6d} {100 * inside:7.1f}%{widths} "
         f"{100 * open_:6.1f}% {100 * wild:6.1f}%"
     )
-    slack = 2.0 * math.sqrt(0.95 * 0.05 / len(by_log)) if logs < WHOLE else 0.0  # of a short run
+    short, n = logs < WHOLE, len(by_log)
     off = []
-    if not INSIDE[0] - slack <= inside <= min(INSIDE[1] + slack, 1.0):
+    if not INSIDE[0] <= inside <= INSIDE[1] and not (short and stats.binom.cdf(inside * n, n, 0.95) > CHANCE):
         off.append(f"{100 * inside:.1f} % inside (88 to 99 %)")
-    if not ratio <= WIDTH:
+    if not ratio <= WIDTH * (_wider_by_chance(told) if short else 1.0):
         off.append(f"{ratio:.2f} times as wide as the oracle (at most {WIDTH:g})")
-    if open_ > OPEN:
+    if open_ > OPEN and not (short and stats.binom.sf(open_ * logs - 1.0, logs, OPEN) > CHANCE):
         off.append(f"nothing told in {100 * open_:.0f} % (at most 10 %)")
-    if wild > LOGS + slack:
+    if wild > LOGS and not (short and stats.binom.sf(wild * n - 1.0, n, LOGS) > CHANCE):
         off.append(f"{100 * wild:.1f} % of logs far off (at most 2 %)")
     if off:
         judge.short.append(f"{name}: {'; '.join(off)}")
+
+
+def _wider_by_chance(told: list[Number]) -> float:
+    """Return by which factor the median width of a short run may be off."""
+    by_log: dict[int, list[float]] = defaultdict(list)
+    for n in told:
+        by_log[n.log].append(n.width / n.least)
+    sizes = np.log([max(_median(np.array(each)), 1e-300) for each in by_log.values()])
+    if sizes.size < 2:
+        return math.inf
+    error = 1.25 * float(sizes.std(ddof=1)) / math.sqrt(sizes.size)  # of a median
+    return math.exp(float(stats.t.ppf(1.0 - CHANCE, sizes.size - 1)) * error)
 
 
 def _median(ratio: np.ndarray) -> float:
