@@ -52,8 +52,8 @@ def sensor(*modules: ModuleType) -> Patch:
         for module in modules:
             own = module.play
 
-            def play(scenes: Any, own: Any = own) -> Any:
-                records = own(scenes)
+            def play(scenes: Any, *, own: Any = own, **more: Any) -> Any:
+                records = own(scenes, **more)
                 many = records if isinstance(records, list) else [records]
                 wrong = [
                     replace(r, sensed=(1.0 + bias) * r.sensed, force=(1.0 + bias) * r.force) for r in many
@@ -131,8 +131,10 @@ def tracking(bias: float) -> Any:
     """Scale the tracking error."""
     own = _tracking.play
 
-    def play(scenes: Any) -> Any:
-        return [replace(r, reading=r.wanted - (1.0 + bias) * (r.wanted - r.reading)) for r in own(scenes)]
+    def play(scenes: Any, **more: Any) -> Any:
+        return [
+            replace(r, reading=r.wanted - (1.0 + bias) * (r.wanted - r.reading)) for r in own(scenes, **more)
+        ]
 
     return mock.patch.object(_tracking, "play", play)
 
