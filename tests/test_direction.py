@@ -20,7 +20,7 @@ from backdrive.control.loop import Loop
 from backdrive.engine import Axis, DriveModel, forward, rollout
 from backdrive.engine.tick import Tick
 from backdrive.errors import InvalidInput, ModelFileError, UnknownName
-from backdrive.identification import identify
+from backdrive.identification import identify, validate
 from backdrive.laws import (
     ELEMENTS,
     RATES,
@@ -377,6 +377,10 @@ def test_where_directions_differ_the_data_ask_for_it_and_the_truth_comes_back(re
     assert load_model(tmp_path / "m.json").joints[0].law == friction.law
     write_report(result, tmp_path / "r.html", command="identify log.csv")
     assert "along \N{MINUS SIGN}q" in (tmp_path / "r.html").read_text(encoding="utf-8")
+
+
+def test_the_log_of_a_fit_is_within_its_range(differing, result):
+    assert not any("validity range" in said for said in validate(result.model, differing).remarks)
 
 
 def test_asked_for_one_curve_there_is_one(differing, result):

@@ -21,9 +21,7 @@ from backdrive.model import JointFriction
 
 MOST = 4000  # largest number of samples for pictures
 SURE = 5.0  # least significance of a constant beside friction that is mentioned [standard error]
-ALIKE = (
-    0.02  # largest difference of the directions that is not told, relative to the friction at top speed [-]
-)
+ALIKE = 0.02  # largest difference of directions that is not told, relative to friction at top speed [-]
 SEEN = 0.05  # least speed of a direction that is stated, relative to the other's [-]
 
 

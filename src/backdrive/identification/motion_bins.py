@@ -11,7 +11,7 @@ from scipy.linalg import solve_banded
 from backdrive.errors import NotIdentifiable
 from backdrive.identification import design, regression
 from backdrive.identification.signals import Signals, default_cutoff
-from backdrive.identification.whitening import Colour, whiten_both, whiten_some
+from backdrive.identification.whitening import PIECE, Colour, whiten_both, whiten_some
 from backdrive.logs import filters
 from backdrive.logs.quantiles import median
 
@@ -27,7 +27,6 @@ FILLED, HALF = 0.9, 0.5
 LONG_ENOUGH = 0.25  # least time of sliding near the slowest sliding speed [s]
 MOVE = 0.1  # least duration of a move [s]
 CHUNK = 200_000  # number of samples per chunk of the regressor
-PIECE = 2_000  # number of bins that are whitened together, which the cache holds
 Means = Callable[[Signals, np.ndarray, slice, int], np.ndarray]
 
 

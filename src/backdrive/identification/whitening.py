@@ -258,9 +258,7 @@ def whiten_some(rows: np.ndarray, at: np.ndarray, correlation: float) -> np.ndar
         correlation: of the noise of neighbouring samples, from 0 to below 1 [-].
     """
     result = np.empty_like(rows)
-    for first in range(
-        1, len(rows), PIECE
-    ):  # all as if they were neighbours, without a copy of those that are
+    for first in range(1, len(rows), PIECE):  # all as if they were neighbours
         part, before = result[first : first + PIECE], rows[first - 1 : first - 1 + PIECE]
         np.multiply(before[: len(part)], correlation, out=part)
         np.subtract(rows[first : first + PIECE], part, out=part)

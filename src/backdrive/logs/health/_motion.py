@@ -215,20 +215,9 @@ def _path(exam: Exam, j: int) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]
             x = np.concatenate([[0.0], np.cumsum(0.5 * (x[1:] + x[:-1]) * np.diff(t))])
         q, even = running(x, light), np.ptp(steps) < _EVEN * exam.period
         s = float(t[-1]) / (t.size - 1) if even else running(t, light)
-        v = _slope(q, s)
-        out.append((q, v, _slope(v, s)))
+        v = np.gradient(q, s)
+        out.append((q, v, np.gradient(v, s)))
     return out if any(q.size for q, _, _ in out) else None
-
-
-def _slope(x: np.ndarray, period: float | np.ndarray) -> np.ndarray:
-    """Return `numpy.gradient` of a series (n,) over a clock, or over a period in a third of the time."""
-    if isinstance(period, np.ndarray):
-        return np.gradient(x, period)
-    slope = np.empty_like(x)
-    np.subtract(x[2:], x[:-2], out=slope[1:-1])
-    slope[1:-1] /= 2.0 * period
-    slope[0], slope[-1] = (x[1] - x[0]) / period, (x[-1] - x[-2]) / period
-    return slope
 
 
 def running(x: np.ndarray, width: int) -> np.ndarray:

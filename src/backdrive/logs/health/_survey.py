@@ -79,6 +79,4 @@ def excess(change: np.ndarray) -> np.ndarray:
         change: from sample to sample, (n - 1, ...).
     """
     into, away = change[:-1], -change[1:]
-    up, down = np.minimum(into, away), np.maximum(into, away)
-    np.maximum(up, np.negative(down, out=down), out=up)
-    return np.maximum(up, 0.0, out=up)
+    return np.maximum(np.maximum(np.minimum(into, away), -np.maximum(into, away)), 0.0)
