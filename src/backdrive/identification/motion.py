@@ -147,7 +147,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         return bin_means(motion, knots, seconds=seconds, reversals=few, filled=filled, spread=spread)
 
     def simplest(slip: Slip, bins: Bins):
-        return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow))
+        return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow), slip.coefficients)
 
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float, Misses]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
@@ -189,20 +189,23 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     def rough(
         slip: Slip, prepared: list[DelayStretch], some: Sequence[Signals]
-    ) -> tuple[design.Candidate, float]:
+    ) -> tuple[design.Candidate, float, Bins]:
         raw = bins_at_delay(prepared, slip.delay, knots)
-        candidate = design.simplest(raw.whiten(slip.colour).equations(rounds=FEW), few_options)[0]
-        return candidate, build_up(raw, some, slip.delay, candidate.spread, slip.colour, seconds)
+        equations = raw.whiten(slip.colour).equations(slip.coefficients, FEW)
+        candidate = design.simplest(equations, few_options)[0]
+        start = equations.map_columns(candidate.spread).solution()
+        return candidate, build_up(raw, some, slip.delay, candidate.spread, slip.colour, seconds, start), raw
 
     def at_rough(
         slip: Slip, prepared: list[DelayStretch], whole: bool
-    ) -> tuple[design.Candidate, list[Signals]]:
+    ) -> tuple[design.Candidate, list[Signals], Bins | None]:
         for every in (True,) if whole else (False, True):  # windows may show too little motion
             some = ready(stretches) if every and not whole else prepared
             with suppress(NotIdentifiable):
-                candidate, distance = rough(slip, some, stretches if every else look)
-                return candidate, after_build_up(stretches, distance)
-        return full, list(stretches)  # the choice at the final delay decides
+                candidate, distance, raw = rough(slip, some, stretches if every else look)
+                same = look is stretches and not distance > 0.0  # bins of long logs fill the memory
+                return candidate, after_build_up(stretches, distance), raw if same else None
+        return full, list(stretches), None  # the choice at the final delay decides
 
     if delay is not None:
         slip = fix_slip(prepared := ready(stretches), knots, full, delay, false_means)
@@ -293,7 +296,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
 
 def _simplest(
-    raw: Bins, options: list[design.Candidate], colour: Colour, speeds: tuple[float, float]
+    raw: Bins,
+    options: list[design.Candidate],
+    colour: Colour,
+    speeds: tuple[float, float],
+    start: np.ndarray | None,
 ) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
     """Return the chosen candidate, all losses, the bins to fit, their equations, and the slowest speed that they determine.
 
@@ -302,15 +309,16 @@ def _simplest(
         options: candidates.
         colour: of the noise of neighbouring bins.
         speeds: slowest speed of sliding in the bins, and speed below which bins are not used for a line [rad/s or m/s].
+        start: coefficients of all columns by a similar fit, which save repetitions, (p,).
     """
     bins, (slowest, slow) = raw.whiten(colour), speeds
-    blocks = bins.equations()
+    blocks = bins.equations(start)
     candidate, loss = design.simplest(blocks, options)
     if candidate.form.knots[0] == 0.0 and slow > 0.0:
         lines = [option for option in options if option.form.knots[0] == 0.0]
         del bins  # two of them at once fill the memory
         bins = raw.faster(slow).whiten(colour)
-        of_faster = bins.equations()
+        of_faster = bins.equations(blocks.solution())
         try:
             candidate, loss = design.simplest(of_faster, lines)
             blocks, slowest = of_faster, max(slowest, slow)

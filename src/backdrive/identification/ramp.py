@@ -35,8 +35,9 @@ NOISE = 3.0  # contribution of noise to an extreme of the torque [standard devia
 FEWEST = 100  # least number of samples of a log of ramps
 RAMPED = 0.7  # least share of ramps in a log of ramps [-]
 BACK = 0.2  # largest travel back within one slide, relative to that ahead [-]
-WITHIN = 0.7  # range of a ramp of coarse means, relative to that of a ramp [-]
-CLEARLY = 3.0  # deviation of coarse means from lines at which a torque is no ramp, relative to the largest of a ramp [-]
+FINE = 8.0  # least rate of the means that tell a ramp from other motion [cutoff frequency]
+WITHIN = 0.9  # range of a ramp of means, relative to that of a ramp [-]
+CLEARLY = 1.2  # deviation of means from lines at which a torque is no ramp, relative to the largest of a ramp [-]
 HELD = 0.1  # least share of a log of ramps in which the joint sticks [-]
 
 
@@ -145,7 +146,7 @@ def is_ramp(log: Log, joint: str | int) -> bool:
     if len(single) < FEWEST or not np.isfinite([torque, position]).all() or not np.ptp(torque) > 0.0:
         return False
     noise = channel_noise(single, "torque", 0) if single.external_torque is None else white_noise(torque)
-    if _bends(torque, noise, single.period):
+    if not _may_ramp(torque, noise, single.period):
         return False
     smooth, rate, _ = low_pass_torque(single)
     edge, span = EDGE * rate, float(np.ptp(smooth))
@@ -165,7 +166,12 @@ def is_ramp(log: Log, joint: str | int) -> bool:
 
 
 def _are_straight(
-    smooth: np.ndarray, turns: np.ndarray, edge: float, far: float, but_first: bool = False
+    smooth: np.ndarray,
+    turns: np.ndarray,
+    edge: float,
+    far: float,
+    but_first: bool = False,
+    shortest: int = SHORTEST,
 ) -> bool:
     """Return whether a torque is straight between its turns, of which there are two at least and none too close together.
 
@@ -175,13 +181,14 @@ def _are_straight(
         edge: what counts as a turn to either side of it [sample].
         far: largest RMS deviation from lines [N.m or N].
         but_first: leave out the first ramp, before which there may be a rest.
+        shortest: least number of samples between what counts as two turns.
     """
     if turns.size < 2:
         return False
     inner = [slice(a + round(edge), max(b - round(edge), a + 1)) for a, b in pairwise(turns.tolist())]
     left = sum(part.stop - part.start for part in inner) * far**2
     for part in inner[but_first:]:
-        if part.stop - part.start < SHORTEST:
+        if part.stop - part.start < shortest:
             return False
         left -= _off_line(smooth[part])
         if left < 0.0:
@@ -189,23 +196,21 @@ def _are_straight(
     return True
 
 
-def _bends(torque: np.ndarray, noise: float, period: float) -> bool:
-    """Return whether a torque is so far off straight ramps that its coarse means show it, at a fraction of a low pass's time.
+def _may_ramp(torque: np.ndarray, noise: float, period: float) -> bool:
+    """Return whether a torque may move in straight lines, by its means, in a fifth of the time.
 
     Args:
         torque: [N.m or N], (n,).
         noise: of the torque from sample to sample [N.m or N].
         period: sampling interval [s].
     """
-    width = max(1, round(max(1.0 / (CUTOFF * period), 10.0)))
-    means = filters.means(torque, width)
-    if means.size < FEWEST:
-        return False
-    span, edge = float(np.ptp(means)), 1 + int(np.ceil(EDGE / (width * period)))
-    turns = ramp_turns(means, WITHIN * BRANCH, edge).tolist()
-    parts = [means[a + edge : b - edge] for a, b in pairwise(turns) if b - a >= 2 * edge + SHORTEST]
-    size = sum(part.size for part in parts)
-    return sum(map(_off_line, parts)) > size * (CLEARLY * (STRAIGHT * span + noise)) ** 2
+    width = max(1, int(1.0 / (FINE * CUTOFF * period)))
+    rate = 1.0 / (width * period)
+    smooth = filters.low_pass(filters.means(torque, width), min(CUTOFF, 0.1 * rate), rate)
+    span = float(np.ptp(smooth))
+    turns = turning_points(smooth, WITHIN * BRANCH * span)
+    far = CLEARLY * (STRAIGHT * span + noise)
+    return _are_straight(smooth, turns, max(EDGE * rate - 1.0, 0.0), far, but_first=True, shortest=2)
 
 
 def _off_line(x: np.ndarray) -> float:

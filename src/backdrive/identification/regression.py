@@ -19,7 +19,8 @@ NORMAL = 1.959964  # half width of a 95 % interval [standard error]
 MOST_NOISE = 0.5  # largest share of a column's mean square that is taken as noise [-]
 WELL = 1e6  # condition number up to which an inverse is as accurate as a pseudoinverse [-]
 HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
-SETTLED = 1e-2  # largest change of all residuals together in the last round [width of Huber's loss]
+# largest change of all residuals together in the last round, and in the last of Newton's [width of Huber's loss]
+SETTLED, NEARLY = 1e-2, 0.03
 CLOSE = 3.0  # largest such change before a Newton step [width of Huber's loss]
 HELD = 0.05  # weight of a residual on the line in a Newton step, so that no column is undetermined [-]
 
@@ -191,21 +192,21 @@ def _reweigh(
     gram /= scale[:, None] * scale
     gram.reshape(-1)[:: p + 1] += RIDGE
     moment /= scale
-    lighter, lost, residual = inside[:0], prior[:0], np.full(count, np.inf)
+    lighter, lost, residual, direct = inside[:0], prior[:0], np.full(count, np.inf), False
     solution = _solve_unit(gram, moment) if start is None else start * scale
-    for _ in range(rounds):
+    for number in range(rounds):
         left = y - X @ (solution / scale)
         residual, before = left if count == y.size else left[inside], residual
         size = np.abs(residual)
         width = HUBER * _spread_of(size) if count else 0.0
         before -= residual
         moved = float(before @ before)
-        if moved <= (SETTLED * width) ** 2:  # a standard error changes them by about a width
+        if moved <= ((NEARLY if direct else SETTLED) * width) ** 2:  # a standard error changes them by about a width
             break
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
         # Newton's step near the solution, where the width is steady; reweighting is slower, but leads there from anywhere
-        direct = moved <= (CLOSE * width) ** 2
+        direct = moved <= (CLOSE * width) ** 2 or (number == 0 and start is not None)
         given = (1.0 - HELD) * prior[lighter] if direct else lost
         # few, whose weight is subtracted from all equations
         rows, right = _rows(X, y, inside[lighter], given)

@@ -39,6 +39,7 @@ def build_up(
     spread: np.ndarray,
     colour: Colour,
     seconds: float,
+    start: np.ndarray | None = None,
 ) -> float:
     """Return the distance after a reversal within which friction still builds up [rad or m]; 0 if it does not show.
 
@@ -49,20 +50,22 @@ def build_up(
         spread: matrix of the fitted candidate, (p, r).
         colour: of the noise of neighbouring bins.
         seconds: of the bins [s].
+        start: coefficients of a similar fit, which save repetitions, (r,).
     """
     way, sense, moves, middle = _ways(stretches, delay, seconds)
-    fitted, used, before, theta = raw.map_columns(spread), raw.used, 0.0, None
+    fitted, used, before, more = raw.map_columns(spread), raw.used, 0.0, None
     within, error = 0.0, None
     for share in SHARES:
         if share > FAR and within < before:  # a torque of the position is not to pass for build-up
             break
         band, before = (way >= before) & (way < share * middle), share * middle
         if error is None:
-            error = sense * (fitted.y - fitted.X @ fit(replace(fitted, used=used)))
+            start = fit(replace(fitted, used=used), start)
+            error, more = sense * (fitted.y - fitted.X @ start), np.append(start, 0.0) if more is None else more
         surely = _from_move_to_move(error, used & band, moves)
         lags = surely < -CLEAR
         if not (lags or surely > -DOUBT) and np.count_nonzero(used & band) >= FEWEST:
-            lags, theta = _lags(replace(fitted, used=used), sense * band, colour, theta)
+            lags, more = _lags(replace(fitted, used=used), sense * band, colour, more)
         if lags:
             used, within, error = raw.used & (way >= before), before, None
     return within

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -54,12 +54,14 @@ class Slip:
         error: its standard error [s]; infinite if the data do not determine the delay.
         period: sampling interval [s].
         colour: of the noise of neighbouring bins.
+        coefficients: of all columns by the last fit, from which others start, (p,); None: there was none.
     """
 
     delay: float
     error: float
     period: float
     colour: Colour = WHITE
+    coefficients: np.ndarray | None = field(default=None, compare=False)
 
     @property
     def least(self) -> float:
@@ -112,7 +114,7 @@ def search_slip(
     knots: np.ndarray,
     full: design.Candidate,
     ready: Prepare,
-    choose: Callable[[Slip, list[DelayStretch], bool], tuple[design.Candidate, list[Signals]]],
+    choose: Callable[[Slip, list[DelayStretch], bool], tuple[design.Candidate, list[Signals], Bins | None]],
     false: tuple[float, ...] = (),
 ) -> tuple[Slip, float | None, list[Signals], list[DelayStretch]]:
     """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it, also
@@ -124,8 +126,9 @@ def search_slip(
         knots: of the fine basis [rad/s or m/s], (k,).
         full: candidate with inertia, without jerk.
         ready: prepares stretches for many delays, with a jerk after a low pass, or with one that is clear of encoder errors.
-        choose: gives the candidate for a rough delay and the stretches with those samples as sliding in which friction has
-            built up, from prepared stretches, which are all or those of `look`.
+        choose: gives the candidate for a rough delay, the stretches with those samples as sliding in which friction has built
+            up, and their bins of all columns at this delay where it has them, from prepared stretches, which are all or those of
+            `look`.
         false: error of the acceleration's means, as from `MotionError.between_means`.
     """
     coarse, widest = None, full.with_term("jerk")
@@ -137,14 +140,14 @@ def search_slip(
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
         some, whole = some if whole else ready(stretches, False), True
         slip = seek_slip(some, knots, widest, coarse, rough=True, false=false)
-    candidate, stretches = choose(slip, some, whole)
+    candidate, stretches, raw = choose(slip, some, whole)
     if whole:
         some = [each.with_sliding(s.sliding) for each, s in zip(some, stretches, strict=True)]
     else:  # after the windows' bins are gone: long logs fill the memory
         some = ready(stretches, False)
     known = slip.colour if abs(slip.delay) <= slip.period else None  # it was found without a delay
     near = candidate.with_term("jerk")
-    slip = seek_slip(some, knots, near, slip.delay, known, false=false)
+    slip = seek_slip(some, knots, near, slip.delay, known, false=false, raw=raw)
     centred = CENTRED
     if not slip.is_known and slip.error < CLOSE * slip.least:
         clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.colour)
@@ -190,6 +193,7 @@ def seek_slip(
     *,
     rough: bool = False,
     false: tuple[float, ...] = (),
+    raw: Bins | None = None,
 ) -> Slip:
     """Return the delay of the torque.
 
@@ -201,15 +205,18 @@ def seek_slip(
         known: colour of the noise of neighbouring bins; None: that about the first fit.
         rough: compute a rough standard error, which is sufficient to know whether it is finite.
         false: error of the acceleration's means, as from `MotionError.between_means`.
+        raw: bins of all columns at `start`, if they are at hand.
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
     delay, share, colour, theta = start, 1.0, known or WHITE, None
     rounds = FEW if rough else regression.MANY
+    lever = min(max(LEVER, LEVER_SAMPLES * period), STEP)
     tried: list[tuple[float, float]] = []
     while True:
-        bins = bins_at_delay(stretches, delay, knots, full)
+        at_hand, raw = raw, None
+        bins = at_hand.map_columns(full.spread) if at_hand else bins_at_delay(stretches, delay, knots, full)
         if known is None and not tried:  # for white noise, the fit need not be repeated
             theta = fit(bins, rounds=rounds)
             colour = colour_of(
@@ -217,13 +224,18 @@ def seek_slip(
             )
         if theta is None or tried or colour != WHITE:
             bins = bins.whiten(colour)
+            if theta is not None and tried:  # the jerk makes up for less
+                theta[jerk] -= theta[inertia] * (delay - tried[-1][0])
             theta = fit(bins, theta, rounds)
         if not theta[inertia] > 0.0:
             return replace(open_, colour=colour)
         tried.append((delay, float(theta[jerk] / theta[inertia])))
         if abs(tried[-1][1]) > BEYOND:
             return replace(open_, colour=colour)
-        delay, share, done = _next(tried, min(max(LEVER, LEVER_SAMPLES * period), STEP))
+        if rough and len(tried) == 1 and abs(tried[0][1]) <= lever:
+            delay += tried[0][1]  # near enough for the search that begins there
+            break
+        delay, share, done = _next(tried, lever)
         if done or len(tried) == ROUNDS:
             break
         del bins  # long logs fill the memory
@@ -241,7 +253,9 @@ def seek_slip(
     error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
     if not rough:
         error = math.hypot(error, math.sqrt(between_samples(bins.X[bins.used], jerk, period)))
-    return Slip(delay=delay, error=error, period=period, colour=colour)
+    return Slip(
+        delay=delay, error=error, period=period, colour=colour, coefficients=full.spread @ theta
+    )
 
 
 def between_samples(X: np.ndarray, delay: int, period: float, width: int = 1) -> float:
