@@ -114,11 +114,11 @@ def _end_of_slowest(speed: np.ndarray, run: np.ndarray) -> float:
         speed: of each bin [rad/s or m/s], (n,).
         run: number of the pass of each bin, (n,).
     """
-    order = np.argsort(speed)
-    first = np.sort(np.unique(run[order], return_index=True)[1])
-    if first.size < PASSES or order.size < FEWEST:
+    first = np.flatnonzero(np.diff(run, prepend=-1))
+    if first.size < PASSES or speed.size < FEWEST:
         return np.inf
-    return float(speed[order[max(first[PASSES - 1], FEWEST - 1)]])
+    slowest = np.minimum.reduceat(speed, first)  # of each pass
+    return float(max(np.partition(slowest, PASSES - 1)[PASSES - 1], np.partition(speed, FEWEST - 1)[FEWEST - 1]))
 
 
 def _sizes(along: np.ndarray, group: np.ndarray, run: np.ndarray, count: int, edge: int) -> np.ndarray:
@@ -133,11 +133,11 @@ def _sizes(along: np.ndarray, group: np.ndarray, run: np.ndarray, count: int, ed
     """
     number = np.bincount(group, minlength=count)
     mean = np.bincount(group, along, count) / np.maximum(number, 1)
-    pairs, place = np.unique(group * (run.max(initial=0) + 1) + run, return_inverse=True)
-    sums = np.bincount(place, along - mean[group], pairs.size)
-    of_group = pairs // (run.max(initial=0) + 1)
-    passes = np.bincount(of_group, minlength=count)
-    spread = np.bincount(of_group, sums**2, count) * passes / np.maximum(passes - 1, 1)
+    runs = int(run.max(initial=0)) + 1
+    pair = group * runs + run
+    sums = np.bincount(pair, along - mean[group], count * runs).reshape(count, runs)
+    passes = np.count_nonzero(np.bincount(pair, minlength=count * runs).reshape(count, runs), axis=1)
+    spread = np.einsum("gr,gr->g", sums, sums) * passes / np.maximum(passes - 1, 1)
     variance = spread / np.maximum(number, 1) ** 2
     limit = stdtrit(np.maximum(passes - 1, 1), 1.0 - 0.5 * CHANCE)
     limit[:edge] = 0.0
