@@ -118,7 +118,9 @@ def _end_of_slowest(speed: np.ndarray, run: np.ndarray) -> float:
     if first.size < PASSES or speed.size < FEWEST:
         return np.inf
     slowest = np.minimum.reduceat(speed, first)  # of each pass
-    return float(max(np.partition(slowest, PASSES - 1)[PASSES - 1], np.partition(speed, FEWEST - 1)[FEWEST - 1]))
+    return float(
+        max(np.partition(slowest, PASSES - 1)[PASSES - 1], np.partition(speed, FEWEST - 1)[FEWEST - 1])
+    )
 
 
 def _sizes(along: np.ndarray, group: np.ndarray, run: np.ndarray, count: int, edge: int) -> np.ndarray:

@@ -47,7 +47,8 @@ from backdrive.identification.remark import NO_ERRORS
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import after_build_up, build_up
 from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
-from backdrive.identification.slip import CLOSE, FEW, Slip, fix_slip, response, search_slip, with_slip
+from backdrive.identification.slip import CLOSE, FEW, Slip, fix_slip, search_slip
+from backdrive.identification.slip_effect import response, with_slip
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.user_delay import describe
 from backdrive.identification.whitening import WHITE, Colour
@@ -147,7 +148,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         return bin_means(motion, knots, seconds=seconds, reversals=few, filled=filled, spread=spread)
 
     def simplest(slip: Slip, bins: Bins):
-        return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow), slip.coefficients)
+        return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow))
 
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float, Misses]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
@@ -302,7 +303,6 @@ def _simplest(
     options: list[design.Candidate],
     colour: Colour,
     speeds: tuple[float, float],
-    start: np.ndarray | None,
 ) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
     """Return the chosen candidate, all losses, the bins to fit, their equations, and the slowest speed that they determine.
 
@@ -311,10 +311,9 @@ def _simplest(
         options: candidates.
         colour: of the noise of neighbouring bins.
         speeds: slowest speed of sliding in the bins, and speed below which bins are not used for a line [rad/s or m/s].
-        start: coefficients of all columns by a similar fit, which save repetitions, (p,).
     """
     bins, (slowest, slow) = raw.whiten(colour), speeds
-    blocks = bins.equations(start)
+    blocks = bins.equations()
     candidate, loss = design.simplest(blocks, options)
     if candidate.form.knots[0] == 0.0 and slow > 0.0:
         lines = [option for option in options if option.form.knots[0] == 0.0]

@@ -37,7 +37,9 @@ RAMPED = 0.7  # least share of ramps in a log of ramps [-]
 BACK = 0.2  # largest travel back within one slide, relative to that ahead [-]
 FINE = 8.0  # least rate of the means that tell a ramp from other motion [cutoff frequency]
 WITHIN = 0.9  # range of a ramp of means, relative to that of a ramp [-]
-CLEARLY = 1.2  # deviation of means from lines at which a torque is no ramp, relative to the largest of a ramp [-]
+CLEARLY = (
+    1.2  # deviation of means from lines at which a torque is no ramp, relative to the largest of a ramp [-]
+)
 HELD = 0.1  # least share of a log of ramps in which the joint sticks [-]
 
 

@@ -6,12 +6,11 @@ standard errors are computed from blocks (the cluster-robust sandwich of Liang &
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
+from scipy.linalg.lapack import dgetrf, dgetri, dposv  # type: ignore[attr-defined]
 
 from backdrive.logs.quantiles import at_rank
 
@@ -194,22 +193,22 @@ def _reweigh(
     moment /= scale
     lighter, lost, residual, direct = inside[:0], prior[:0], np.full(count, np.inf), False
     solution = _solve_unit(gram, moment) if start is None else start * scale
-    for number in range(rounds):
+    for _ in range(rounds):
         left = y - X @ (solution / scale)
         residual, before = left if count == y.size else left[inside], residual
         size = np.abs(residual)
         width = HUBER * _spread_of(size) if count else 0.0
         before -= residual
         moved = float(before @ before)
-        if moved <= ((NEARLY if direct else SETTLED) * width) ** 2:  # a standard error changes them by about a width
+        settled = NEARLY if direct else SETTLED  # a standard error changes them by about a width
+        if moved <= (settled * width) ** 2:
             break
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
         # Newton's step near the solution, where the width is steady; reweighting is slower, but leads there from anywhere
-        direct = moved <= (CLOSE * width) ** 2 or (number == 0 and start is not None)
+        direct = moved <= (CLOSE * width) ** 2
         given = (1.0 - HELD) * prior[lighter] if direct else lost
-        # few, whose weight is subtracted from all equations
-        rows, right = _rows(X, y, inside[lighter], given)
+        rows, right = _rows(X, y, inside[lighter], given)  # few, subtracted from all equations
         rows /= scale
         if direct:  # the line that continues the square pulls with a constant force
             far = residual[lighter]
@@ -320,8 +319,9 @@ def invert(gram: np.ndarray, least: float = 1e-10) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.abs(gram.diagonal()), 1e-300))
     size = scale[:, None] * scale
     scaled = gram / size
-    with suppress(np.linalg.LinAlgError):  # if all directions are determined, in a quarter of the time
-        inverse = np.linalg.inv(scaled)
+    factors, order, failure = dgetrf(scaled)
+    if failure == 0:  # if all directions are determined, in a fifth of the time
+        inverse, _ = dgetri(factors, order)
         if np.vdot(scaled, scaled) * np.vdot(inverse, inverse) < WELL**2:
             return inverse / size
     return np.linalg.pinv(scaled, rcond=least) / size

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -54,14 +54,12 @@ class Slip:
         error: its standard error [s]; infinite if the data do not determine the delay.
         period: sampling interval [s].
         colour: of the noise of neighbouring bins.
-        coefficients: of all columns by the last fit, from which others start, (p,); None: there was none.
     """
 
     delay: float
     error: float
     period: float
     colour: Colour = WHITE
-    coefficients: np.ndarray | None = field(default=None, compare=False)
 
     @property
     def least(self) -> float:
@@ -253,9 +251,7 @@ def seek_slip(
     error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
     if not rough:
         error = math.hypot(error, math.sqrt(between_samples(bins.X[bins.used], jerk, period)))
-    return Slip(
-        delay=delay, error=error, period=period, colour=colour, coefficients=full.spread @ theta
-    )
+    return Slip(delay=delay, error=error, period=period, colour=colour)
 
 
 def between_samples(X: np.ndarray, delay: int, period: float, width: int = 1) -> float:
@@ -308,42 +304,6 @@ def _next(tried: list[tuple[float, float]], lever: float) -> tuple[float, float,
 def _beyond(delay: float, left: float, least: float) -> float:
     """Return a delay plus the remaining one, with a step between `least` and `STEP` [s]."""
     return delay + math.copysign(min(max(abs(left), least), STEP), left)
-
-
-def response(bins: Bins, later: Bins, coefficients: np.ndarray) -> np.ndarray:
-    """Return by how much a fit changes if the motion is delayed further, with Huber's weights held, (r,).
-
-    Args:
-        bins: with the candidate's columns, which were fitted.
-        later: the same bins along a motion that is delayed further.
-        coefficients: of the fit, (r,).
-    """
-    w = bins.used * regression.huber_weights(
-        residual := bins.y - bins.X @ coefficients,
-        regression.HUBER * regression.robust_spread(residual[bins.used]),
-    )
-    weighted = bins.X * w[:, None]
-    return regression.solve(weighted.T @ bins.X, weighted.T @ ((bins.X - later.X) @ coefficients))
-
-
-def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.Choice:
-    """Return a choice with the delay of its motion as one of its terms, and with the delay's error added to all others.
-
-    Args:
-        choice: without a delay.
-        change: of the coefficients for one standard error of the delay, (r,).
-        slip: the delay.
-    """
-    candidate, k = choice.candidate, len(choice.candidate.terms)
-    both = np.insert(change, k, slip.error * choice.coefficients[candidate.terms.index("inertia")])
-    alone = np.insert(np.insert(choice.covariance, k, 0.0, axis=0), k, 0.0, axis=1)
-    return replace(
-        choice,
-        candidate=candidate.with_term("jerk"),
-        coefficients=np.insert(choice.coefficients, k, 0.0),
-        covariance=alone + np.outer(both, both),
-        left_out=np.insert(choice.left_out, k, 0.0, axis=1),
-    )
 
 
 def fit(bins: Bins, start: np.ndarray | None = None, rounds: int = regression.MANY) -> np.ndarray:
