@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +25,6 @@ SURE = 2.0  # largest mean logarithm of the blocks' loss ratios of a simpler mod
 UNSOUND = 2.0  # largest loss of a physically plausible model, relative to the best one [-]
 VAGUE = 0.05  # largest standard error at a knot of an accepted curve, relative to the largest friction [-]
 ROUNDING = 1e-12  # loss below which differences are rounding errors, relative to the torque's power [-]
-CONTAINED = 1e-9  # largest part of a candidate that the widest one does not contain [-]
 MEAGRE = 1e-9  # least mean square of a determined column of the curve [-]
 
 
@@ -140,24 +139,6 @@ def candidates(
             spread[head_size:, size:] = form.spread
             result.append(Candidate(terms=terms, form=form, spread=spread))
     return sorted(result, key=lambda c: c.size)
-
-
-def within_widest(options: Sequence[Candidate]) -> tuple[np.ndarray, list[Candidate]]:
-    """Return a matrix from few coefficients to those of all columns, (p, r), and candidates whose `spread` leads to the few.
-
-    Equations of the few columns are all that the candidates need; without one that contains all others, the few are all.
-
-    Args:
-        options: candidates, fewest coefficients first.
-    """
-    wide = options[-1].spread
-    whole = np.concatenate([option.spread for option in options], axis=1)
-    few = np.linalg.solve(wide.T @ wide, wide.T @ whole)
-    if not np.allclose(wide @ few, whole, rtol=0.0, atol=CONTAINED):
-        return np.eye(len(wide)), list(options)
-    ends = np.cumsum([option.size for option in options])[:-1]
-    parts = np.split(few, ends, axis=1)
-    return wide, [replace(option, spread=part) for option, part in zip(options, parts, strict=True)]
 
 
 def predict(candidate: Candidate, coefficients: np.ndarray, motion: Signals, row: np.ndarray) -> np.ndarray:

@@ -182,7 +182,6 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     look = windows_of(stretches, ENOUGH) or stretches
     few_options = [o for o in options if o.form.name in ROUGH] if "line" in allowed else options
-    wide, of_wide = design.within_widest(few_options)
 
     def ready(some: Sequence[Signals], clear: bool = False) -> list[DelayStretch]:
         return [
@@ -193,10 +192,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         slip: Slip, prepared: list[DelayStretch], some: Sequence[Signals]
     ) -> tuple[design.Candidate, float, Bins]:
         raw = bins_at_delay(prepared, slip.delay, knots)
-        equations = raw.map_columns(wide).whiten(slip.colour).equations(rounds=FEW)
-        chosen = design.simplest(equations, of_wide)[0]
-        start = equations.map_columns(chosen.spread).solution()
-        candidate = few_options[of_wide.index(chosen)]
+        equations = raw.whiten(slip.colour).equations(rounds=FEW)
+        candidate = design.simplest(equations, few_options)[0]
+        start = equations.map_columns(candidate.spread).solution()
         return candidate, build_up(raw, some, slip.delay, candidate.spread, slip.colour, seconds, start), raw
 
     def at_rough(

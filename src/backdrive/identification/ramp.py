@@ -35,11 +35,8 @@ NOISE = 3.0  # contribution of noise to an extreme of the torque [standard devia
 FEWEST = 100  # least number of samples of a log of ramps
 RAMPED = 0.7  # least share of ramps in a log of ramps [-]
 BACK = 0.2  # largest travel back within one slide, relative to that ahead [-]
-FINE = 8.0  # least rate of the means that tell a ramp from other motion [cutoff frequency]
 WITHIN = 0.9  # range of a ramp of means, relative to that of a ramp [-]
-CLEARLY = (
-    1.2  # deviation of means from lines at which a torque is no ramp, relative to the largest of a ramp [-]
-)
+CLEARLY = 1.2  # deviation of means from lines, relative to the largest of a ramp, for none [-]
 HELD = 0.1  # least share of a log of ramps in which the joint sticks [-]
 
 
@@ -199,16 +196,14 @@ def _are_straight(
 
 
 def _may_ramp(torque: np.ndarray, noise: float, period: float) -> bool:
-    """Return whether a torque may move in straight lines, by its means, in a fifth of the time.
+    """Return whether a torque may move in straight lines, by its low-passed means.
 
     Args:
         torque: [N.m or N], (n,).
         noise: of the torque from sample to sample [N.m or N].
         period: sampling interval [s].
     """
-    width = max(1, int(1.0 / (FINE * CUTOFF * period)))
-    rate = 1.0 / (width * period)
-    smooth = filters.low_pass(filters.means(torque, width), min(CUTOFF, 0.1 * rate), rate)
+    smooth, rate = filters.low_pass_means(torque, min(CUTOFF, 0.1 / period), 1.0 / period)
     span = float(np.ptp(smooth))
     turns = turning_points(smooth, WITHIN * BRANCH * span)
     far = CLEARLY * (STRAIGHT * span + noise)

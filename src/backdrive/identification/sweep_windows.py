@@ -24,7 +24,6 @@ EQUAL = 0.1  # largest relative difference of the strokes of one sweep [-]
 SINE = (0.7, 1.3)
 GROWTH = 0.12  # largest deviation of a peak speed from the line through all, relative to the step [-]
 LEAST_STEP = 0.01  # least growth of the peak speed from cycle to cycle, relative to the highest one [-]
-FINE = 8.0  # least rate of the means that tell cycles from other motion [cutoff frequency]
 NEARLY = 1.2  # difference of two strokes of means, relative to that of two of a sweep [-]
 SMOOTH = 25.0  # largest cutoff frequency of the low pass for the detection of cycles [Hz]
 FOLLOWS = 0.15  # largest RMS deviation of a motion from its plan, relative to stroke or top speed [-]
@@ -104,9 +103,10 @@ def _find(stretches: Sequence[Signals], joint: str | int, least: int = 2) -> tup
     best: tuple[np.ndarray, np.ndarray] = (np.zeros((0, 2)), np.zeros(0))
     for s in stretches:
         x = s.position if s.position is not None else np.cumsum(s.velocity) / s.rate
-        if not _may_sweep(x, s.rate, 2 * max(least, len(best[1]) + 1)):
+        cutoff = min(SMOOTH, 0.05 * s.rate)
+        if not _may_sweep(x, cutoff, s.rate, 2 * max(least, len(best[1]) + 1)):
             continue
-        x = filters.low_pass(x, min(SMOOTH, 0.05 * s.rate), s.rate)
+        x = filters.low_pass(x, cutoff, s.rate)
         travel = float(np.ptp(x))
         if travel <= 0:
             continue
@@ -127,13 +127,9 @@ def _find(stretches: Sequence[Signals], joint: str | int, least: int = 2) -> tup
     return best
 
 
-def _may_sweep(x: np.ndarray, rate: float, number: int) -> bool:
-    """Return whether so many strokes in a row of a position (n,) may be equal by its means, in a fifth of the time."""
-    width = max(1, int(rate / (FINE * SMOOTH)))
-    rate /= width
-    if x.size < 2 * width:
-        return True
-    x = filters.low_pass(filters.means(x, width), min(SMOOTH, 0.05 * rate * width), rate)
+def _may_sweep(x: np.ndarray, cutoff: float, rate: float, number: int) -> bool:
+    """Return whether so many strokes in a row of a position (n,) may be equal, by its low-passed means."""
+    x, _ = filters.low_pass_means(x, cutoff, rate)
     turns, travel = extremes(x), float(np.ptp(x))
     every = (x[turning_points(x, share * travel, turns)] for share in TRIED)
     return any(_equal_strokes(turn, number, NEARLY * EQUAL) for turn in every)

@@ -19,6 +19,8 @@ SHORT = 1 << 16  # the gains of up to so many samples are kept for the next seri
 CIRCLE = 1 << 13  # length of the pieces of a long series, unless the response is longer [sample]
 ROUNDING = 34.0  # natural logarithm of what no longer changes a number, inverse [-]
 AT_ONCE = 1 << 16  # pieces are transformed together, in half the time; more would not fit the cache [sample]
+FINE = 8.0  # least rate of means that are low-passed [cutoff frequency]
+LEAST_MEANS = 50  # least number of such means, if there are as many samples
 ODD = tuple(3**i * 5**j for i in range(20) for j in range(14))  # odd factors of lengths that transform fast
 
 
@@ -104,6 +106,19 @@ def low_pass_rows(
         filtered = np.fft.irfft(spectrum, circle)[:, pad : pad + size]
         np.add(filtered, 0.5 * (x[:, :1] + x[:, -1:]), out=result[k : k + at_once])
     return result
+
+
+def low_pass_means(x: np.ndarray, cutoff: float, rate: float) -> tuple[np.ndarray, float]:
+    """Return the low-passed means of neighbouring samples, and their rate [Hz]: nearly `low_pass`, in a fifth of the time.
+
+    Args:
+        x: uniform samples, (n,).
+        cutoff: corner frequency of one pass [Hz].
+        rate: sampling frequency [Hz].
+    """
+    width = max(1, min(int(rate / (FINE * cutoff)), x.size // LEAST_MEANS))
+    rate /= width
+    return low_pass(means(x, width), cutoff, rate), rate
 
 
 def fade(cutoff: float, order: int = 4) -> int:
