@@ -35,7 +35,6 @@ NOISE = 3.0  # contribution of noise to an extreme of the torque [standard devia
 FEWEST = 100  # least number of samples of a log of ramps
 RAMPED = 0.7  # least share of ramps in a log of ramps [-]
 BACK = 0.2  # largest travel back within one slide, relative to that ahead [-]
-WITHIN = 0.9  # range of a ramp of means, relative to that of a ramp [-]
 CLEARLY = 1.2  # deviation of means from lines, relative to the largest of a ramp, for none [-]
 HELD = 0.1  # least share of a log of ramps in which the joint sticks [-]
 
@@ -205,8 +204,7 @@ def _may_ramp(torque: np.ndarray, noise: float, period: float) -> bool:
     """
     smooth, rate = filters.low_pass_means(torque, min(CUTOFF, 0.1 / period), 1.0 / period)
     span = float(np.ptp(smooth))
-    turns = turning_points(smooth, WITHIN * BRANCH * span)
-    far = CLEARLY * (STRAIGHT * span + noise)
+    turns, far = turning_points(smooth, BRANCH * span), CLEARLY * (STRAIGHT * span + noise)
     return _are_straight(smooth, turns, max(EDGE * rate - 1.0, 0.0), far, but_first=True, shortest=2)
 
 
