@@ -157,3 +157,35 @@ def test_a_delay_in_a_sweep_on_a_coarse_encoder_is_told_and_no_other(late):
     speed = np.array(friction.law.rate.velocity)
     off = np.abs(np.array(friction.law.rate.positive) - 5.0 - 3.0 * speed)
     assert np.all(off < 4.0 * np.array(friction.standard_errors["positive"]))
+
+
+@pytest.mark.parametrize(
+    ("seed", "rate", "delay"), [(51, 500.0, 0.048), (55, 1e3, 0.048), (133, 500.0, 0.082)]
+)
+def test_a_light_joint_does_not_hide_a_long_delay(seed, rate, delay):
+    """The jerk tells next to no delay there: a first fit alone would take the torque as in time."""
+    rng = np.random.default_rng(seed)
+    rng.choice([200.0, 500.0, 1000.0])
+    t = np.arange(int(rate * rng.uniform(8.0, 30.0))) / rate
+    q, dq, ddq = np.zeros((3, t.size))
+    lowest = 10.0 ** rng.uniform(-1.0, 0.3)
+    for f in lowest * np.array([1.0, 2.3, 4.1])[: rng.integers(1, 4)]:
+        w, phase, size = 2.0 * np.pi * f, rng.uniform(0.0, 6.28), rng.uniform(0.3, 1.0) / f
+        q += size * np.sin(w * t + phase)
+        dq += size * w * np.cos(w * t + phase)
+        ddq -= size * w * w * np.sin(w * t + phase)
+    rng.uniform(), rng.choice(3)
+    top = np.abs(dq).max()
+    torque = rng.uniform(0.01, 1.0) * ddq / np.abs(ddq).std() + rng.uniform(0.3, 3.0) * np.tanh(
+        200.0 * dq / top
+    )
+    torque += rng.uniform() * dq / top
+    if rng.random() < 0.5:
+        torque += rng.uniform(0.0, 3.0) * np.sin(q)
+    late = round(delay * rate)
+    inside = slice(late + 1, -late - 1)
+    torque = np.roll(torque, late)[inside]
+    torque += rng.uniform(0.01, 0.2) * rng.standard_normal(torque.size)
+    log = Log.from_arrays(time=t[inside], position=np.round(q[inside] * 1305.0) / 1305.0, torque=torque)
+    found = identify(log, method="motion").model.joints[0].dynamics["time_slip"]
+    assert found.value == pytest.approx(delay, abs=3e-3)

@@ -31,6 +31,7 @@ NEAR = 0.3, 0.01  # largest difference of two agreeing estimates of a delay, rel
 # least distance of two delays that yields the response of the jerk [s] and [sampling interval]: closer ones differ by noise
 LEVER, LEVER_SAMPLES = 0.002, 2.0
 SHARES = 0.3, 1.5  # limits of the response of the jerk during the search [-]
+CLEARLY = 0.5, 1.5  # limits of the response by one fit at which a rough delay needs no other fit [-]
 BEYOND = (
     ROUNDS * STEP * SHARES[1]
 )  # a remaining delay that no search reaches: there is hardly any inertia [s]
@@ -230,8 +231,10 @@ def seek_slip(
         tried.append((delay, float(theta[jerk] / theta[inertia])))
         if abs(tried[-1][1]) > BEYOND:
             return replace(open_, colour=colour)
-        if rough and len(tried) == 1 and abs(tried[0][1]) <= lever:
-            delay += tried[0][1]  # near enough for the search that begins there
+        first = rough and len(tried) == 1 and colour == WHITE
+        share = _response(bins, theta, inertia, jerk, stretches[0].width * period) if first else 0.0
+        if CLEARLY[0] < share < CLEARLY[1] and abs(tried[0][1]) <= lever * share:
+            delay += tried[0][1] / share  # near enough for the search that begins there
             break
         delay, share, done = _next(tried, lever)
         if done or len(tried) == ROUNDS:
@@ -271,6 +274,25 @@ def between_samples(X: np.ndarray, delay: int, period: float, width: int = 1) ->
     told = np.add.reduceat(told, np.arange(0, told.size, width))
     moments = max(float(told.sum() ** 2 / max((told**2).sum(), 1e-300)), 1.0)
     return period**2 / (6.0 * moments)
+
+
+def _response(bins: Bins, theta: np.ndarray, inertia: int, jerk: int, seconds: float) -> float:
+    """Return the response of the jerk to a delay [-] by one fit alone, from the change of its torque with time.
+
+    A torque that is late by a short time d is that of the fit less d times its derivative. Other terms take a part of this, or
+    make more of it. Where the joint is light, or the delay long, that may be nearly all.
+
+    Args:
+        bins: that were fitted, not whitened.
+        theta: coefficients of the fit, (p,).
+        inertia: index of the inertia.
+        jerk: index of the jerk.
+        seconds: length of a bin [s].
+    """
+    torque = bins.X @ theta - bins.X[:, jerk] * theta[jerk]
+    rows = 1 + np.flatnonzero(bins.used[1:-1] & bins.used[2:] & bins.used[:-2])
+    change, X = (torque[rows - 1] - torque[rows + 1]) / (2.0 * seconds), bins.X[rows]
+    return float(regression.solve(X.T @ X, X.T @ change)[jerk] / theta[inertia])
 
 
 def _next(tried: list[tuple[float, float]], lever: float) -> tuple[float, float, bool]:
