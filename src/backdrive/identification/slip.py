@@ -216,6 +216,7 @@ def seek_slip(
     while True:
         at_hand, raw = raw, None
         bins = at_hand.map_columns(full.spread) if at_hand else bins_at_delay(stretches, delay, knots, full)
+        plain = bins if rough and not tried else None
         if known is None and not tried:  # for white noise, the fit need not be repeated
             theta = fit(bins, rounds=rounds)
             colour = colour_of(
@@ -231,8 +232,8 @@ def seek_slip(
         tried.append((delay, float(theta[jerk] / theta[inertia])))
         if abs(tried[-1][1]) > BEYOND:
             return replace(open_, colour=colour)
-        first = rough and len(tried) == 1 and colour == WHITE
-        share = _response(bins, theta, inertia, jerk, stretches[0].width * period) if first else 0.0
+        first = plain if colour.correlation < COLOURED else None
+        share = _response(first, theta, inertia, jerk, stretches[0].width * period) if first else 0.0
         if CLEARLY[0] < share < CLEARLY[1] and abs(tried[0][1]) <= lever * share:
             delay += tried[0][1] / share  # near enough for the search that begins there
             break
@@ -283,7 +284,7 @@ def _response(bins: Bins, theta: np.ndarray, inertia: int, jerk: int, seconds: f
     make more of it. Where the joint is light, or the delay long, that may be nearly all.
 
     Args:
-        bins: that were fitted, not whitened.
+        bins: that were fitted, as they were before whitening.
         theta: coefficients of the fit, (p,).
         inertia: index of the inertia.
         jerk: index of the jerk.
