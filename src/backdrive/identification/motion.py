@@ -297,10 +297,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
 
 def _simplest(
-    raw: Bins,
-    options: list[design.Candidate],
-    colour: Colour,
-    speeds: tuple[float, float],
+    raw: Bins, options: list[design.Candidate], colour: Colour, speeds: tuple[float, float]
 ) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
     """Return the chosen candidate, all losses, the bins to fit, their equations, and the slowest speed that they determine.
 

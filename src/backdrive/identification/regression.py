@@ -320,7 +320,7 @@ def invert(gram: np.ndarray, least: float = 1e-10) -> np.ndarray:
     size = scale[:, None] * scale
     scaled = gram / size
     factors, order, failure = dgetrf(scaled)
-    if failure == 0:  # if all directions are determined, in a fifth of the time
+    if failure == 0:  # if all directions are determined, sooner known
         inverse, _ = dgetri(factors, order)
         if np.vdot(scaled, scaled) * np.vdot(inverse, inverse) < WELL**2:
             return inverse / size

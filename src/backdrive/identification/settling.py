@@ -61,10 +61,8 @@ def build_up(
         band, before = (way >= before) & (way < share * middle), share * middle
         if error is None:
             start = fit(replace(fitted, used=used), start)
-            error, more = (
-                sense * (fitted.y - fitted.X @ start),
-                np.append(start, 0.0) if more is None else more,
-            )
+            error = sense * (fitted.y - fitted.X @ start)
+            more = np.append(start, 0.0) if more is None else more
         surely = _from_move_to_move(error, used & band, moves)
         lags = surely < -CLEAR
         if not (lags or surely > -DOUBT) and np.count_nonzero(used & band) >= FEWEST:

@@ -233,7 +233,7 @@ def seek_slip(
         if abs(tried[-1][1]) > BEYOND:
             return replace(open_, colour=colour)
         first = plain if colour.correlation < COLOURED else None
-        share = _response(first, theta, inertia, jerk, stretches[0].width * period) if first else 0.0
+        share = _response_by_one(first, theta, inertia, jerk, stretches[0].width * period) if first else 0.0
         if CLEARLY[0] < share < CLEARLY[1] and abs(tried[0][1]) <= lever * share:
             delay += tried[0][1] / share  # near enough for the search that begins there
             break
@@ -277,7 +277,7 @@ def between_samples(X: np.ndarray, delay: int, period: float, width: int = 1) ->
     return period**2 / (6.0 * moments)
 
 
-def _response(bins: Bins, theta: np.ndarray, inertia: int, jerk: int, seconds: float) -> float:
+def _response_by_one(bins: Bins, theta: np.ndarray, inertia: int, jerk: int, seconds: float) -> float:
     """Return the response of the jerk to a delay [-] by one fit alone, from the change of its torque with time.
 
     A torque that is late by a short time d is that of the fit less d times its derivative. Other terms take a part of this, or

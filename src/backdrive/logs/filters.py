@@ -109,7 +109,7 @@ def low_pass_rows(
 
 
 def low_pass_means(x: np.ndarray, cutoff: float, rate: float) -> tuple[np.ndarray, float]:
-    """Return the low-passed means of neighbouring samples, and their rate [Hz]: nearly `low_pass`, in a fifth of the time.
+    """Return the low-passed means of neighbouring samples, and their rate [Hz]: nearly `low_pass`, of fewer samples.
 
     Args:
         x: uniform samples, (n,).
