@@ -161,22 +161,28 @@ def predict(candidate: Candidate, coefficients: np.ndarray, motion: Signals, row
     return torque
 
 
-def fit(blocks: regression.Blocks, candidate: Candidate, loss: dict[str, float]) -> Choice:
+def fit(
+    blocks: regression.Blocks, candidate: Candidate, loss: dict[str, float], noise: float = 0.0
+) -> Choice:
     """Return a candidate fitted to all blocks.
 
     Args:
         blocks: normal equations of all columns.
         candidate: the chosen candidate.
         loss: of all candidates, by name.
+        noise: mean square of the noise of the first column, as of `Blocks.without_noise`.
     """
     mapped = blocks.map_columns(candidate.spread)
-    theta = mapped.solution()
+    condition = regression.condition(mapped.whole[0])
+    mapped = mapped.without_noise(noise) if noise else mapped
+    theta, left_out = regression.solutions(mapped)
+    covariance = regression.sandwich(mapped, theta)
     return Choice(
         candidate=candidate,
         coefficients=theta,
-        covariance=regression.sandwich(mapped, theta),
-        left_out=regression.leave_one_out_solutions(mapped),
-        condition=regression.condition(mapped.whole[0]),
+        covariance=covariance,
+        left_out=left_out,
+        condition=condition,
         loss=loss,
     )
 
@@ -191,6 +197,7 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
     fits: list[tuple[float, Candidate, np.ndarray]] = []
     by_block: dict[int, np.ndarray] = {}
     vague: list[tuple[float, float]] = []
+    used = int(np.count_nonzero(blocks.rows))
     for option in options:
         mapped = blocks.map_columns(option.spread)
         weight = mapped.whole[0].diagonal()
@@ -199,10 +206,10 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
             continue
         theta, left_out = regression.solutions(mapped)
         if len(option.form.knots) > 2:  # at a knot that the data hardly determine, a curve would oscillate
-            variance = regression.sandwich(mapped, theta).diagonal()[k:]
-            unsure = math.sqrt(max(variance.max(), 0.0)) / max(np.abs(theta[k:]).max(), 1e-300)
-            if unsure > VAGUE:
-                vague.append((unsure, option.form.knots[np.argmax(variance) % option.form.knots.size]))
+            unsure = _jackknife(theta[k:], left_out[:, k:], used) / max(np.abs(theta[k:]).max(), 1e-300)
+            if unsure.max() > VAGUE:
+                at = int(np.argmax(unsure))
+                vague.append((float(unsure[at]), option.form.knots[at % option.form.knots.size]))
                 continue
         by_block[id(option)] = regression.block_losses(mapped, left_out)
         loss = max(by_block[id(option)].sum(), ROUNDING * power)
@@ -232,12 +239,16 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
     return chosen, {f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, _ in fits}
 
 
-def refit(choice: Choice, blocks: regression.Blocks) -> Choice:
-    """Return a choice with its coefficients refitted to other normal equations of all columns."""
-    mapped = blocks.map_columns(choice.candidate.spread)
-    return replace(
-        choice, coefficients=mapped.solution(), left_out=regression.leave_one_out_solutions(mapped)
-    )
+def _jackknife(theta: np.ndarray, left_out: np.ndarray, used: int) -> np.ndarray:
+    """Return standard errors from the fits without each block, widened as those of `cluster_covariance`, (p,).
+
+    Args:
+        theta: fitted to all blocks, (p,).
+        left_out: without each block, (B, p).
+        used: number of blocks with data.
+    """
+    used, apart = max(used, 2), left_out - theta
+    return np.sqrt(np.einsum("bp,bp->p", apart, apart) * (used - 1) / used) * regression.few(used)
 
 
 def _tie(losses: np.ndarray, of_best: np.ndarray) -> bool:

@@ -93,5 +93,6 @@ def _rows(res: Residual) -> np.ndarray | None:
 def _terms(res: Residual, rows: np.ndarray, others: tuple[np.ndarray, ...]) -> np.ndarray:
     """Return a curve of the velocity and the rest of a single axis, (m, p)."""
     speed = np.abs(res.velocity[rows])
-    knots = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, SECTIONS + 1)))
+    ranks = np.linspace(0.0, speed.size - 1.0, SECTIONS + 1).astype(int)
+    knots = np.unique(np.sort(speed)[ranks])
     return np.hstack([res.columns[rows], basis(res.velocity[rows], knots), *(x[rows, None] for x in others)])

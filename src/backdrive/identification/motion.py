@@ -153,7 +153,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float, Misses]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
         false = smooth.error.in_acceleration(corner, rate, width, slip.colour)
-        choice = design.refit(design.fit(blocks, candidate, loss), blocks.without_noise(false))
+        choice = design.fit(blocks, candidate, loss, false)
         bins = bins.map_columns(candidate.spread)
         left = bins.y - bins.X @ choice.coefficients
         missed = misses_of(replace(raw, used=bins.used), choice, lowest)
@@ -169,8 +169,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     def with_late(slip: Slip, choice: design.Choice, bins: Bins) -> design.Choice:
         later = average(slip.delay + slip.error, choice.candidate)
-        later = replace(later, used=bins.used).whiten(slip.colour)
-        return with_slip(choice, response(bins, later, choice.coefficients), slip)
+        torque = replace(later, X=later.X @ choice.coefficients[:, None], used=bins.used)
+        moved = torque.whiten(slip.colour).X[:, 0]
+        return with_slip(choice, response(bins, moved, choice.coefficients), slip)
 
     rate = stretches[0].rate
     corner, width = smooth.cutoff or default_cutoff(rate), max(1, round(seconds * rate))

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import comb
 
 import numpy as np
@@ -84,13 +85,13 @@ class MotionError:
             width: length of the means of the acceleration [sample].
             colour: of the noise of neighbouring means, which `Bins.whiten` makes white.
         """
-        power, turn = self._of_means(cutoff, rate, width)
+        power, angle, turn = _of_means(self, cutoff, rate, width)
         if (correlation := colour.correlation) < 0.0:
             share = moving_average(correlation)
             white = (1.0 + share**2) / (1.0 + share**2 + 2.0 * share * turn)
         else:
             noise = (1.0 - correlation**2) / (1.0 + correlation**2 - 2.0 * correlation * turn)
-            false = power_of(colour.rounding, np.arccos(turn))
+            false = power_of(colour.rounding, angle)
             white = (1.0 + sum(colour.beside[:1])) / (noise - colour.averaged + np.maximum(false, 0.0))
         return float(np.mean(power * white))
 
@@ -102,15 +103,19 @@ class MotionError:
             rate: sampling rate [Hz].
             width: length of the means [sample].
         """
-        power, turn = self._of_means(cutoff, rate, width)
-        angle = np.arccos(turn)
+        power, angle, _ = _of_means(self, cutoff, rate, width)
         return tuple(float(np.mean(power * np.cos(lag * angle))) for lag in range(LAGS))
 
-    def _of_means(self, cutoff: float, rate: float, width: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the power of means of the acceleration by frequency, and the real part of the shift by one of them there."""
-        f, power = self.spectrum(cutoff, rate)
-        mean = (np.sin(np.pi * f * width) / (width * np.sin(np.pi * f))) ** 2
-        return power * mean, np.cos(2.0 * np.pi * f * width)
+
+@lru_cache(maxsize=1)  # each fit of a log asks for them
+def _of_means(
+    error: MotionError, cutoff: float, rate: float, width: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the power of means of the acceleration, the shift by one of them [rad], and its real part, by frequency, (k,) each."""
+    f, power = error.spectrum(cutoff, rate)
+    mean = (np.sin(np.pi * f * width) / (width * np.sin(np.pi * f))) ** 2
+    turn = np.cos(2.0 * np.pi * f * width)
+    return power * mean, np.arccos(turn), turn
 
 
 def motion_error(log: Log, measured: np.ndarray, rate: float, *, white: bool = False) -> MotionError:

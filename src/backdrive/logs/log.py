@@ -281,16 +281,17 @@ class Log(Display):
         if columns == list(range(len(self.joints))):
             return self
         arrays = {name: value[:, columns] for name, value in self.channels.items()}
-        every = self.coupling is not None and sorted(columns) == list(range(len(self.joints)))
+        every = sorted(columns) == list(range(len(self.joints)))
         coupling = tuple(self.coupling[c] for c in columns) if every and self.coupling else None
-        chosen = tuple(self.joints[c] for c in columns)
-        wrench = self.wrench if sorted(columns) == list(range(len(self.joints))) else None
+        chosen, wrench = tuple(self.joints[c] for c in columns), self.wrench if every else None
         return replace(self, joints=chosen, coupling=coupling, wrench=wrench, **arrays)
 
     def rows(self, index: slice | np.ndarray) -> Log:
         """Return the samples at a slice, mask or index array."""
-        arrays = self.channels | ({} if self.wrench is None else {"wrench": self.wrench})
-        return replace(self, time=self.time[index], **{k: v[index] for k, v in arrays.items()})
+        if isinstance(index, slice) and range(len(self))[index] == range(len(self)):
+            return self
+        names = ["time", *self.channels, *([] if self.wrench is None else ["wrench"])]
+        return replace(self, **{name: getattr(self, name)[index] for name in names})
 
     def between(self, start: float = -np.inf, stop: float = np.inf) -> Log:
         """Return the samples with start <= time < stop [s]."""

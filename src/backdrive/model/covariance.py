@@ -85,7 +85,7 @@ class Covariance:
         kept: list[int] = []
         for i, (row, own) in enumerate(self.standard_errors().items()):
             stated: Any = errors.get(row)
-            if indexed := re.fullmatch(r"(\w+)\[(\d{1,5})\]", row, re.ASCII):
+            if row.endswith("]") and (indexed := re.fullmatch(r"(\w+)\[(\d{1,5})\]", row, re.ASCII)):
                 values, index = errors.get(indexed[1]), int(indexed[2])
                 stated = values[index] if is_several(values) and index < len(values) else None
             if stated is None or is_several(stated):

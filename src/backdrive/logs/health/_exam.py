@@ -105,7 +105,8 @@ class Exam:
 
     def usable(self, channel: str, joint: int) -> bool:
         """Return whether a joint's channel is there and finite throughout."""
-        return channel in self.log.channels and len(self.log) > 1 and bool(self.survey(channel).finite[joint])
+        there = getattr(self.log, channel) is not None and len(self.log) > 1
+        return there and bool(self.survey(channel).finite[joint])
 
     def column(self, channel: str, joint: int) -> np.ndarray:
         """Return a joint's channel, contiguous, (n,)."""
