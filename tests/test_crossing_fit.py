@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from backdrive import Joint, Log, identify
-from backdrive.identification import crossing_fit
+from backdrive.identification import crossing_fit, crossing_noise
 from backdrive.identification.crossing_noise import Noise, Whitener, huber_sum, noise_of
 from backdrive.identification.crossing_search import Estimate
 from backdrive.identification.signals import prepare
@@ -322,3 +322,26 @@ def test_two_fits_that_contradict_each_other_leave_the_first_with_their_differen
     assert said == crossing_fit.APART and np.array_equal(found.values, first.values)
     assert abs(found.values[0] - COULOMB) < 1.2 * found.errors[0] < 0.13 * COULOMB
     assert np.array_equal(found.errors[2:], errors[2:])
+
+
+@pytest.mark.parametrize("begin", [(0.0, 0.0), (1.2, -0.3), (0.1, 0.6), (2.3, -0.1)])
+def test_the_likeliest_noise_is_found_from_anywhere(begin):
+    """A likelihood that bends more and more away from its peak at (2.3, -0.1), with both numbers correlated."""
+
+    def unlikely(x):
+        a, b = (x[0] - 2.3) / 0.06, (x[1] + 0.1) / 0.009
+        square = a**2 - 0.8 * a * b + b**2
+        return 7e3 + 40.0 * (np.sqrt(1.0 + square / 20.0) - 1.0)
+
+    asked = []
+    found = crossing_noise._lowest(lambda x: asked.append(x) or unlikely(x), np.array(begin))
+    near = begin == (2.3, -0.1)
+    assert unlikely(found) < 7e3 + (0.02 if near else 0.5) and len(asked) <= (6 if near else 60)
+
+
+def test_a_likelihood_that_is_flat_to_one_side_ends_the_search():
+    """A correlation below zero counts as zero, so that nothing changes there."""
+    found = crossing_noise._lowest(
+        lambda x: 100.0 * max(x[0], 0.0) ** 2 + 1e4 * (x[1] - 0.03) ** 2, np.array([0.2, 0.0])
+    )
+    assert 100.0 * max(found[0], 0.0) ** 2 + 1e4 * (found[1] - 0.03) ** 2 < 0.05

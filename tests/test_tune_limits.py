@@ -147,7 +147,8 @@ def test_top_speed_and_effort_of_the_robot_description_are_taken_unless_said(tmp
 
 def test_what_the_model_knows_of_its_actuator_limits_the_loop():
     known = replace(FACTS, trip_speed=3.0, effort=5.0)
-    assert tune(known, "admit", joints=8).trip_speed == 3.0
+    tuning = tune(known, "track", joints=8)
+    assert (tuning.trip_speed, tuning.limit) == (3.0, 5.0)
     assert tune(known, "backdrive", joints=8, trip_speed=2.0).trip_speed == 2.0
     law = Law(rate=RATE, element=Decaying(stiffness=1e5, decay_rate=20.0))
     friction = JointFriction(

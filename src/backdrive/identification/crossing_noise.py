@@ -9,7 +9,7 @@ noise looks like a column now and then, and what a fit leaves of it seems faster
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,11 @@ from backdrive.identification.zero_crossing import NUMEROV, REACH, Passage, sten
 
 CLIPPED = 2.5  # size beyond which a whitened residual counts linearly [standard deviation]
 PROBES = 24  # random signs by which sums of the weights' diagonals are measured
-STEPS = 40  # evaluations of a search for the noise
+STEPS = 10  # Newton's steps of a search for the noise
+# distance of the points whose likelihoods are compared [area tangent of a correlation, logarithm of a size]
+APART = np.array([0.05, 0.01])
+FLAT = 0.02  # decrease of twice the logarithm of a likelihood that is not worth a step [-]
+FARTHEST = 20.0  # longest step [APART]
 SETTLED = 200  # rows after which the factor of a covariance that does not change has settled
 MOST = 0.9999  # largest correlation of neighbouring samples [-]
 (solve_triangular_band,) = get_lapack_funcs(("tbtrs",), dtype=np.float64)
@@ -129,8 +133,6 @@ def noise_of(
         delay: of the torque [s].
         begin: about the noise.
     """
-    from scipy.optimize import minimize
-
     size = np.sqrt(np.sum([np.sum(X**2, axis=0) for X in columns], axis=0))
     both = [np.column_stack([X / size, r]) for X, r in zip(columns, residuals, strict=True)]
 
@@ -144,9 +146,28 @@ def noise_of(
         return total + float(np.linalg.slogdet(gram)[1])
 
     first = np.array([np.arctanh(min(begin.correlation, MOST)), np.log(begin.innovation)])
-    corners = np.array([first, first + [0.2, 0.0], first + [0.0, 0.1]])
-    options = {"maxfev": STEPS, "xatol": 2e-3, "fatol": 2e-2, "initial_simplex": corners}
-    return _noise_at(minimize(unlikely, first, method="Nelder-Mead", options=options).x)
+    return _noise_at(_lowest(unlikely, first))
+
+
+def _lowest(function: Callable[[np.ndarray], float], x: np.ndarray) -> np.ndarray:
+    """Return where a smooth function of two numbers is least, by Newton's steps with derivatives from differences, (2,)."""
+    value = function(x)
+    for _ in range(STEPS):
+        before, after = ([function(x + way * side) for side in np.diag(APART)] for way in (-1.0, 1.0))
+        slope = 0.5 * np.subtract(after, before)
+        square = np.diag(np.add(after, before) - 2.0 * value)
+        square[0, 1] = square[1, 0] = function(x + APART) - sum(after) + value
+        bend, turn = np.linalg.eigh(square)
+        along, bend = turn.T @ slope, np.maximum(np.abs(bend), FLAT)
+        if 0.5 * float(np.sum(along**2 / bend)) < FLAT:
+            break
+        step = np.clip(turn @ (-along / bend), -FARTHEST, FARTHEST) * APART
+        tried = ((function(x + part * step), part) for part in (1.0, 0.5, 0.25, 0.125))
+        least, part = next((one for one in tried if one[0] < value), (value, 0.0))
+        x, gain, value = x + part * step, value - least, least
+        if gain < FLAT:
+            break
+    return x
 
 
 def _noise_at(x: np.ndarray) -> Noise:

@@ -233,9 +233,10 @@ class CrossingFit:
                 plain, columns = np.split(self.y - state.X @ state.theta, ends), np.split(state.X, ends)
                 delay = self._course(point)[0]
                 rounding = self.inertia * self.noise
-                self.about = noise_of(
-                    self.passages, plain, columns, self._unsure(point), rounding, delay, self.about
-                )
+                unsure, before = self._unsure(point), self.about
+                self.about = noise_of(self.passages, plain, columns, unsure, rounding, delay, before)
+                if self.about == before:
+                    break
 
     def _step(self, state: _State, gradient: np.ndarray, weights: _Weights) -> _State | None:
         """Return the state after a Gauss-Newton step that lowers the cost; None if none does."""
