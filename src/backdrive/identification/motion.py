@@ -148,7 +148,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         return bin_means(motion, knots, seconds=seconds, reversals=few, filled=filled, spread=spread)
 
     def simplest(slip: Slip, bins: Bins):
-        return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow))
+        return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow), start)
 
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float, Misses]:
         candidate, loss, bins, blocks, lowest = simplest(slip, raw)
@@ -178,8 +178,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     false_means = smooth.error.between_means(corner, rate, width)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, list(stretches)
-    along: list[DelayStretch] = []
-    timed = False  # at the reversals
+    along, timed = list[DelayStretch](), False  # timed at the reversals
+    start: np.ndarray | None = None  # coefficients of all columns at the rough delay
 
     look = windows_of(stretches, ENOUGH) or stretches
     few_options = [o for o in options if o.form.name in ROUGH] if "line" in allowed else options
@@ -191,23 +191,25 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
     def rough(
         slip: Slip, prepared: list[DelayStretch], some: Sequence[Signals]
-    ) -> tuple[design.Candidate, float, Bins]:
+    ) -> tuple[design.Candidate, float, Bins, np.ndarray]:
+        nonlocal start
         raw = bins_at_delay(prepared, slip.delay, knots)
         equations = raw.whiten(slip.colour).equations(rounds=FEW)
-        candidate = design.simplest(equations, few_options)[0]
-        start = equations.map_columns(candidate.spread).solution()
-        return candidate, build_up(raw, some, slip.delay, candidate.spread, slip.colour, seconds, start), raw
+        start, candidate = equations.solution(), design.simplest(equations, few_options)[0]
+        begin = equations.map_columns(candidate.spread).solution()
+        distance = build_up(raw, some, slip.delay, candidate.spread, slip.colour, seconds, begin)
+        return candidate, distance, raw, begin
 
     def at_rough(
         slip: Slip, prepared: list[DelayStretch], whole: bool
-    ) -> tuple[design.Candidate, list[Signals], Bins | None]:
+    ) -> tuple[design.Candidate, list[Signals], Bins | None, np.ndarray | None]:
         for every in (True,) if whole else (False, True):  # windows may show too little motion
             some = ready(stretches) if every and not whole else prepared
             with suppress(NotIdentifiable):
-                candidate, distance, raw = rough(slip, some, stretches if every else look)
+                candidate, distance, raw, begin = rough(slip, some, stretches if every else look)
                 same = look is stretches and not distance > 0.0  # bins of long logs fill the memory
-                return candidate, after_build_up(stretches, distance), raw if same else None
-        return full, list(stretches), None  # the choice at the final delay decides
+                return candidate, after_build_up(stretches, distance), raw if same else None, begin
+        return full, list(stretches), None, None  # the choice at the final delay decides
 
     if delay is not None:
         slip = fix_slip(prepared := ready(stretches), knots, full, delay, false_means)
@@ -298,7 +300,11 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
 
 
 def _simplest(
-    raw: Bins, options: list[design.Candidate], colour: Colour, speeds: tuple[float, float]
+    raw: Bins,
+    options: list[design.Candidate],
+    colour: Colour,
+    speeds: tuple[float, float],
+    start: np.ndarray | None,
 ) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
     """Return the chosen candidate, all losses, the bins to fit, their equations, and the slowest speed that they determine.
 
@@ -307,9 +313,10 @@ def _simplest(
         options: candidates.
         colour: of the noise of neighbouring bins.
         speeds: slowest speed of sliding in the bins, and speed below which bins are not used for a line [rad/s or m/s].
+        start: coefficients of a similar fit of all columns, which save repetitions, (p,); None: there is none.
     """
     bins, (slowest, slow) = raw.whiten(colour), speeds
-    blocks = bins.equations()
+    blocks = bins.equations(start)
     candidate, loss = design.simplest(blocks, options)
     if candidate.form.knots[0] == 0.0 and slow > 0.0:
         lines = [option for option in options if option.form.knots[0] == 0.0]

@@ -44,6 +44,7 @@ CLOSE = (
 )
 COLOURED = 0.3  # least correlation of neighbouring bins with which the loss is to support the delay [-]
 Prepare = Callable[[Sequence[Signals], bool], list[DelayStretch]]
+Chosen = tuple[design.Candidate, list[Signals], Bins | None, np.ndarray | None]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +114,7 @@ def search_slip(
     knots: np.ndarray,
     full: design.Candidate,
     ready: Prepare,
-    choose: Callable[[Slip, list[DelayStretch], bool], tuple[design.Candidate, list[Signals], Bins | None]],
+    choose: Callable[[Slip, list[DelayStretch], bool], Chosen],
     false: tuple[float, ...] = (),
 ) -> tuple[Slip, float | None, list[Signals], list[DelayStretch]]:
     """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it, also
@@ -126,8 +127,8 @@ def search_slip(
         full: candidate with inertia, without jerk.
         ready: prepares stretches for many delays, with a jerk after a low pass, or with one that is clear of encoder errors.
         choose: gives the candidate for a rough delay, the stretches with those samples as sliding in which friction has built
-            up, and their bins of all columns at this delay where it has them, from prepared stretches, which are all or those of
-            `look`.
+            up, their bins of all columns at this delay where it has them, and the coefficients of its fit, from prepared stretches,
+            which are all or those of `look`.
         false: error of the acceleration's means, as from `MotionError.between_means`.
     """
     coarse, widest = None, full.with_term("jerk")
@@ -139,14 +140,15 @@ def search_slip(
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
         some, whole = some if whole else ready(stretches, False), True
         slip = seek_slip(some, knots, widest, coarse, rough=True, false=false)
-    candidate, stretches, raw = choose(slip, some, whole)
+    candidate, stretches, raw, begin = choose(slip, some, whole)
+    begin = None if begin is None else np.insert(begin, len(candidate.terms), 0.0)  # no jerk yet
     if whole:
         some = [each.with_sliding(s.sliding) for each, s in zip(some, stretches, strict=True)]
     else:  # after the windows' bins are gone: long logs fill the memory
         some = ready(stretches, False)
     known = slip.colour if abs(slip.delay) <= slip.period else None  # it was found without a delay
     near = candidate.with_term("jerk")
-    slip = seek_slip(some, knots, near, slip.delay, known, false=false, raw=raw)
+    slip = seek_slip(some, knots, near, slip.delay, known, false=false, raw=raw, begin=begin)
     centred = CENTRED
     if not slip.is_known and slip.error < CLOSE * slip.least:
         clear = seek_slip(ready(stretches, True), knots, near, slip.delay, slip.colour)
@@ -193,6 +195,7 @@ def seek_slip(
     rough: bool = False,
     false: tuple[float, ...] = (),
     raw: Bins | None = None,
+    begin: np.ndarray | None = None,
 ) -> Slip:
     """Return the delay of the torque.
 
@@ -205,11 +208,12 @@ def seek_slip(
         rough: compute a rough standard error, which is sufficient to know whether it is finite.
         false: error of the acceleration's means, as from `MotionError.between_means`.
         raw: bins of all columns at `start`, if they are at hand.
+        begin: coefficients of a similar fit, which save repetitions, (p,).
     """
     period = 1.0 / stretches[0].rate
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
-    delay, share, colour, theta = start, 1.0, known or WHITE, None
+    delay, share, colour, theta = start, 1.0, known or WHITE, begin
     rounds = FEW if rough else regression.MANY
     lever = min(max(LEVER, LEVER_SAMPLES * period), STEP)
     tried: list[tuple[float, float]] = []
@@ -218,11 +222,11 @@ def seek_slip(
         bins = at_hand.map_columns(full.spread) if at_hand else bins_at_delay(stretches, delay, knots, full)
         plain = bins if rough and not tried else None
         if known is None and not tried:  # for white noise, the fit need not be repeated
-            theta = fit(bins, rounds=rounds)
+            theta = fit(bins, theta, rounds)
             colour = colour_of(
                 bins.y - bins.X @ theta, bins.used, bins.X, _in_torque(false, full, theta), stretches[0].width
             )
-        if theta is None or tried or colour != WHITE:
+        if theta is None or known is not None or tried or colour != WHITE:
             bins = bins.whiten(colour)
             if theta is not None and tried:  # the jerk makes up for less
                 theta[jerk] -= theta[inertia] * (delay - tried[-1][0])
