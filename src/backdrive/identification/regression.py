@@ -206,7 +206,7 @@ def _reweigh(
         lighter = (size > width).nonzero()[0] if width > 0.0 else inside[:0]
         lost = prior[lighter] * (1.0 - width / size[lighter])
         # Newton's step near the solution, where the width is steady; reweighting is slower, but leads there from anywhere
-        direct = moved <= (CLOSE * width) ** 2 or (start is not None and moved == np.inf)
+        direct = moved <= (CLOSE * width) ** 2
         given = (1.0 - HELD) * prior[lighter] if direct else lost
         rows, right = _rows(X, y, inside[lighter], given)  # few, subtracted from all equations
         rows /= scale
