@@ -389,6 +389,17 @@ def test_a_delay_of_which_only_a_part_was_found_is_one_number(seconds, form):
     assert len(said) == 1 and form.format(1e3 * known) in said[0]
 
 
+def test_two_delays_that_contradict_each_other_are_one_remark_and_not_good():
+    """Torque of the inertia 8 ms early, and of friction 50 ms late: either was told as if the other was not there."""
+    turning, rubbing = (
+        any_motion(lambda v: 0.0 * v, delay=-0.008),
+        any_motion(dry, inertia=0.0, delay=0.05, noise=0.0),
+    )
+    level, said = remarks(turning.replace(torque=turning.torque + rubbing.torque))
+    assert level == "care" and len(said) == 1
+    assert "By the inertia, torque comes 16 ms earlier than motion; by all terms, about 2 ms later" in said[0]
+
+
 @pytest.mark.parametrize("late", [True, False])
 def test_stamps_that_vary_are_told_from_samples_that_do(late):
     """Interpolation onto an even clock is right for the latter; of the former it made noise of the position."""

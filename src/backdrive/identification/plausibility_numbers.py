@@ -245,15 +245,15 @@ def delay_range(case: Case) -> Remark | None:
             None  # `user_delay` compares it with the motion; a sweep tells by itself how its torque was timed
         )
     spread = 2.0 * error if math.isfinite(error) else 0.0
-    if not abs(value) + spread >= LARGEST_SLIP:
-        samples = max((log.period for log in case.logs), default=0.0)
-        felt = sure and abs(value) >= max(NOTICED, NOTICED_SAMPLES * samples)
-        return Remark(severity="note", sentence=_correction(value, error)) if felt else None
+    long = abs(value) + spread >= LARGEST_SLIP
+    samples = max((log.period for log in case.logs), default=0.0)
+    if not long and not (sure and abs(value) >= max(NOTICED, NOTICED_SAMPLES * samples)):
+        return None
     shift = delay(case)
     if shift is not None and shift.severity == "care":
         return None  # the rule `delay` reports another delay that fits better
     if sure:
-        other = structure(case)  # what else is the matter may look like a delay
+        other = structure(case) if long else None  # what else is the matter may look like a delay
         return Remark(
             severity="note" if other is None else "care",
             sentence=f"{_correction(value, error)}{'' if other is None else ' What else is said below may look like a delay.'}",

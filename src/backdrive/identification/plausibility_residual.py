@@ -30,6 +30,8 @@ BENDS = 0.1, 0.2, 0.35  # speeds by which a bend of the friction falls, relative
 BENT = 0.03  # least bend beyond a straight line that lowers the grade, relative to the friction [-]
 LEFT = 0.1  # largest slow residual without a remark, relative to the friction [-]
 WORTH = 0.96  # largest residual after correction of the delay for a remark, relative to that before [-]
+CONTRARY = 0.3  # least delay of the other sign that contradicts one, relative to that [-]
+SURE_DELAY = 3.0  # the same, by its standard error [-]
 MOST_LOGS = 6  # largest number of stretches whose loads are compared
 SLOWER = 0.25  # speed below which friction changes its sign, relative to the lowest speed of the curve [-]
 FEWEST_PASSES, SURE_PEAK = 8, 4.0  # of slow motion, and least significance of a peak there [standard error]
@@ -61,15 +63,23 @@ def delay(case: Case) -> Remark | None:
     sure = beside is not None and beside[1] <= WORTH
     if beside is not None and sure:
         found = beside
-    known = max((case.value(term)[0] for term in ("delay", "time_slip")), key=lambda x: abs(np.nan_to_num(x)))
+    estimates = (case.value(term) for term in ("delay", "time_slip"))
+    known, error = max(estimates, key=lambda one: abs(np.nan_to_num(one[0])))
     counted = (
         "time_slip" in case.friction.dynamics and abs(known) >= LATE
     )  # the residual is `in_step` with it
     late = found[0] + (known if counted else 0.0)
-    told = not counted and abs(abs(np.nan_to_num(known)) - abs(late)) < 0.3 * abs(late)
+    told = not counted and abs(np.nan_to_num(known) - late) < 0.3 * abs(late)
     if told and abs(known) >= LARGEST_SLIP:
         return None  # `delay_range` reports it with its standard error
     way = "later" if late > 0.0 else "earlier"
+    if known * late < 0.0 and abs(known) > max(CONTRARY * abs(late), SURE_DELAY * error):
+        other = "earlier" if late > 0.0 else "later"
+        return Remark(
+            severity="care",
+            sentence=f"By the inertia, torque comes {1e3 * abs(known):.2g} ms {other} than motion; by all terms, about "
+            f"{1e3 * abs(late):.0f} ms {way}: one is a filter, or friction that builds up over a distance.",
+        )
     part = (
         f", of which {1e3 * abs(known):.0f} ms were found and corrected"
         if counted and late * known > 0.0
