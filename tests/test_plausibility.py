@@ -8,7 +8,8 @@ import pytest
 from _synthetic import any_motion, motion
 from backdrive import identify
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification import validate
+from backdrive.identification import lateness, validate
+from backdrive.identification import plausibility_residual as residual_rules
 from backdrive.identification.alignment import best_lag, is_of_joint
 from backdrive.identification.delay import LATE
 from backdrive.identification.lateness import delay, delay_beside_distance
@@ -389,15 +390,20 @@ def test_a_delay_of_which_only_a_part_was_found_is_one_number(seconds, form):
     assert len(said) == 1 and form.format(1e3 * known) in said[0]
 
 
-def test_two_delays_that_contradict_each_other_are_one_remark_and_not_good():
-    """Torque of the inertia 8 ms early, and of friction 50 ms late: either was told as if the other was not there."""
-    turning, rubbing = (
-        any_motion(lambda v: 0.0 * v, delay=-0.008),
-        any_motion(dry, inertia=0.0, delay=0.05, noise=0.0),
+@pytest.mark.parametrize(("slip", "told"), [(-0.008, True), (-0.004, False), (0.008, False), (0.015, False)])
+def test_two_delays_that_contradict_each_other_are_one_remark_and_not_good(monkeypatch, sound, slip, told):
+    """All terms tell 16 ms, as where friction builds up over a distance, and the inertia another delay."""
+    monkeypatch.setattr(lateness, "delay", lambda res, *others: (0.016, 0.9))
+    monkeypatch.setattr(lateness, "delay_beside_distance", lambda res, *others: None)
+    result = identify(sound, method="motion")
+    (friction,), (evidence,) = result.model.joints, result.evidence
+    dynamics = friction.dynamics | {"time_slip": Estimate(value=slip, unit="s", standard_error=5e-4)}
+    remark = residual_rules.delay(
+        Case(friction=replace(friction, dynamics=dynamics, covariance=None), evidence=evidence)
     )
-    level, said = remarks(turning.replace(torque=turning.torque + rubbing.torque))
-    assert level == "care" and len(said) == 1
-    assert "By the inertia, torque comes 16 ms earlier than motion; by all terms, about 2 ms later" in said[0]
+    assert (remark.severity == "care") is told
+    said = "By the inertia, torque comes 8 ms earlier than motion; by all terms, about 16 ms later"
+    assert (said in remark.sentence) is told
 
 
 @pytest.mark.parametrize("late", [True, False])

@@ -77,14 +77,19 @@ def _delay_sliding(signals: Signals, delay: float) -> np.ndarray:
     return (earlier(signals.sliding.astype(float), float(round(delay * signals.rate))) > 0.5) & signals.moving
 
 
+def correction(delay: float) -> float:
+    """Return the delay by which motion is shifted for residuals: 0 where it is not worth a remark [s]."""
+    return delay if abs(delay) >= LATE else 0.0
+
+
 def in_step(signals: Signals, delay: float) -> Signals:
     """Return signals whose motion is as late as their torque, where that is worth a remark: for residuals, away from reversals."""
-    return delay_signals(signals, delay) if abs(delay) >= LATE else signals
+    return delay_signals(signals, correction(delay))
 
 
 def sliding_in_step(signals: Signals, delay: float) -> np.ndarray:
     """Return where signals slide `in_step`, (n,), without the rest of them."""
-    return _delay_sliding(signals, delay) if abs(delay) >= LATE else signals.sliding
+    return _delay_sliding(signals, delay) if correction(delay) else signals.sliding
 
 
 def delay_motion(signals: Signals, delay: float) -> Signals:

@@ -10,12 +10,15 @@ import numpy as np
 from backdrive.errors import BackdriveError
 from backdrive.identification.alignment import ALIKE, OFF, closest_lag, is_of_joint, likeness, tempo
 from backdrive.identification.auto import own_turn
+from backdrive.identification.delay import correction
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.remark import Case, Remark
+from backdrive.identification.reversal_lag import turning_lag
 from backdrive.identification.user_delay import contradiction
 from backdrive.logs import health
 from backdrive.logs.log import DOUBTED, Log
 
+OF_A_MEAN = 0.25  # standard error of a delay that reversals tell [length of a mean]
 ANOTHER_UNIT = 1.5  # ratio of the strokes of motion and plan, or its inverse, that indicates another unit [-]
 SCALED = 0.1  # relative deviation of the stroke from the plan above which there is a remark [-]
 FLAT = 0.03  # least share of samples at an extreme of the torque with a remark [-]
@@ -177,7 +180,9 @@ def user_delay(case: Case) -> Remark | None:
 def _apparent(logs: Sequence[Log], joint: str) -> tuple[float, float]:
     """Return the delay that the motion of a single axis shows, and its standard error [s]; NaN if it shows none."""
     with suppress(BackdriveError):
-        friction, _ = identify_motion(logs, joint)
+        friction, evidence = identify_motion(logs, joint)
+        if (res := evidence.residual) is not None and (lag := turning_lag(res)):
+            return correction(friction.delay) + lag, OF_A_MEAN * res.period
         if (slip := friction.dynamics.get("time_slip")) is not None:
             return slip.value, slip.standard_error
     return float("nan"), float("nan")

@@ -8,15 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from backdrive.identification import lateness
-from backdrive.identification.delay import LATE
+from backdrive.identification.delay import LATE, correction
 from backdrive.identification.design import LARGEST_SLIP
 from backdrive.identification.log_set import clock_unit
 from backdrive.identification.plausibility_logs import other_joints
 from backdrive.identification.remark import Case, Remark
 from backdrive.identification.residual import MEAN, Explanation, Residual
+from backdrive.identification.reversal_lag import turning_lag
 from backdrive.identification.signals import varies
 from backdrive.identification.terms import GRAVITY, columns
-from backdrive.laws import CoulombViscous
+from backdrive.laws import CoulombViscous, Rigid
 from backdrive.logs import filters
 
 CHANCE = 1e-5  # largest probability that noise explains as much as a reported cause [-]
@@ -48,9 +49,26 @@ def clock(case: Case) -> Remark | None:
 
 
 def delay(case: Case) -> Remark | None:
-    """Remark on a delay of the torque, from the shift at which a friction curve fits best."""
+    """Remark on a delay of the torque, from how late friction turns, or from the shift at which a friction curve fits best."""
     if (res := case.residual) is None:
         return None
+    return _late_turns(case, res) or _best_shift(case, res)
+
+
+def _late_turns(case: Case, res: Residual) -> Remark | None:
+    if not isinstance(case.friction.law.element, Rigid) or not (lag := turning_lag(res)):
+        return None
+    found = correction(case.friction.delay)
+    beside = f"Beside the {1e3 * found:.3g} ms that the fit corrects, friction" if found else "Friction"
+    return Remark(
+        severity="care",
+        sentence=f"{beside} turns {1e3 * abs(lag):.0f} ms {_way(lag)} than the motion, at once and at every reversal: torque comes "
+        f"{1e3 * abs(found + lag):.0f} ms {_way(found + lag)}. Align the channels (`backdrive inspect`), or give it "
+        f"(--known delay={found + lag:.3g}).",
+    )
+
+
+def _best_shift(case: Case, res: Residual) -> Remark | None:
     # in a fit of a curve over velocity alone, friction that grows with the load looks like a delay
     growing = case.friction.law.growth is not None
     others = [np.sign(res.velocity) * _static_load(case, res)] if growing else []
@@ -72,13 +90,11 @@ def delay(case: Case) -> Remark | None:
     told = not counted and abs(np.nan_to_num(known) - late) < 0.3 * abs(late)
     if told and abs(known) >= LARGEST_SLIP:
         return None  # `delay_range` reports it with its standard error
-    way = "later" if late > 0.0 else "earlier"
     if known * late < 0.0 and abs(known) > max(CONTRARY * abs(late), SURE_DELAY * error):
-        other = "earlier" if late > 0.0 else "later"
         return Remark(
             severity="care",
-            sentence=f"By the inertia, torque comes {1e3 * abs(known):.2g} ms {other} than motion; by all terms, about "
-            f"{1e3 * abs(late):.0f} ms {way}: one is a filter, or friction that builds up over a distance.",
+            sentence=f"By the inertia, torque comes {1e3 * abs(known):.2g} ms {_way(known)} than motion; by all terms, about "
+            f"{1e3 * abs(late):.0f} ms {_way(late)}: one is a filter, or friction that builds up over a distance.",
         )
     part = (
         f", of which {1e3 * abs(known):.0f} ms were found and corrected"
@@ -87,9 +103,13 @@ def delay(case: Case) -> Remark | None:
     )
     return Remark(
         severity="note" if told or not sure else "care",
-        sentence=f"Torque comes about {1e3 * abs(late):.0f} ms {way} than motion{part}"
+        sentence=f"Torque comes about {1e3 * abs(late):.0f} ms {_way(late)} than motion{part}"
         + ("." if sure else ", or friction builds up over a distance: the motion does not tell which."),
     )
+
+
+def _way(delay: float) -> str:
+    return "later" if delay > 0.0 else "earlier"
 
 
 def slow_peak(case: Case) -> Remark | None:
