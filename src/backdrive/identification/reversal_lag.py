@@ -22,11 +22,8 @@ HELD, TURNED = (
 )  # least friction that is held, relative to that right after a reversal, and most that has turned [-]
 STEADY = 0.5  # least such friction right after a reversal, relative to what the model says of its jump, and inverse of the most [-]
 SCATTER = 0.1  # largest standard error of a part [-]
-LASTING, EDGE, AFTER = (
-    2,
-    1,
-    3,
-)  # least number of means in which friction is held, most in between, and least in which it has turned
+LASTING, EDGE = 2, 1  # least number of means in which friction is held, and most in which it turns
+AFTER = 3  # least number of means in which it has turned
 
 
 def turning_lag(res: Residual) -> float:
@@ -45,16 +42,15 @@ def turning_lag(res: Residual) -> float:
         level = float(held[:count].mean())
         sure = max(error[:count].max(), error[after].max()) < SCATTER and np.abs(held[after]).max() < TURNED
         if sure and STEADY < level < 1.0 / STEADY:
-            return (
-                way * res.period * (1.0 + float(held[:edge].sum()) / level)
-            )  # one mean is before the first part
+            means = 1.0 + float(held[:edge].sum()) / level  # one is before the first part
+            return way * res.period * means
     return 0.0
 
 
 def _shares(res: Residual, way: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the part of the friction that has not turned, by the number of means after a reversal, from the second on, (m,).
+    """Return the part of the friction that has not turned, by the number of means after a reversal, and its standard error, (m,).
 
-    It is the median over the reversals, and ends where few reach; its standard error follows, (m,).
+    It is the median over the reversals, begins with the second mean, and ends where few of them reach.
 
     Args:
         res: of a model whose friction turns at once.
@@ -66,9 +62,8 @@ def _shares(res: Residual, way: int) -> tuple[np.ndarray, np.ndarray]:
     inside = (ends[:-1] >= 3) & (np.diff(ends) > LASTING + EDGE + AFTER)
     at, last = ends[:-1][inside], np.minimum(ends[1:], ends[:-1] + round(REACH / res.period))[inside]
     jump = friction[at + 2] - friction[at - 1]
-    quick = np.minimum(np.abs(velocity[at + 3]), np.abs(velocity[at - 2])) > SLOW * np.abs(velocity).max(
-        initial=0.0
-    )
+    beside, top = np.abs(velocity[[at - 2, at + 3]]), float(np.abs(velocity).max(initial=0.0))
+    quick = beside.min(axis=0) > SLOW * top
     used = quick & (way * jump * velocity[at + 1] > 0.0) & (part[at - 3] == part[last])
     at, last, jump = at[used], last[used], jump[used]
     held: list[tuple[float, float]] = []
