@@ -35,13 +35,23 @@ def test_friction_that_turns_in_time_tells_nothing(delay):
     assert lag_of(any_motion(dry, delay=delay, noise=0.1)) == 0.0
 
 
-@pytest.mark.parametrize("stiffness", [30.0, 100.0, 300.0, 1e3, 3e3, 1e4])
+@pytest.mark.parametrize("stiffness", [30.0, 100.0, 300.0, 500.0, 700.0, 1e3, 1.4e3, 2e3, 3e3, 1e4])
 def test_friction_that_builds_up_over_a_distance_is_no_delay(stiffness):
     """Half of it takes from 3 to 100 ms here."""
     log = any_motion(lambda v: 0.0 * v, noise=0.05)
     law = Law(rate=RATE, element=LuGre(stiffness=stiffness, damping=0.0))
     friction = rollout(law, dt=log.period, q=log.position[:, 0])
     assert lag_of(log.replace(torque=log.torque + friction[:, None])) == 0.0
+
+
+@pytest.mark.parametrize("width", np.geomspace(3e-4, 0.03, 13))
+def test_a_spring_that_slips_at_a_distance_is_no_delay(width):
+    """It turns the fastest just before it slips."""
+    log = any_motion(lambda v: 2.0 * v, noise=0.05)
+    bent = np.zeros(len(log))
+    for k, step in enumerate(np.diff(log.position[:, 0]).tolist(), 1):
+        bent[k] = min(max(bent[k - 1] + step, -width), width)
+    assert lag_of(log.replace(torque=log.torque + 5.0 * bent[:, None] / width)) == 0.0
 
 
 @pytest.mark.parametrize("seconds", [0.02, 0.05, 0.1])

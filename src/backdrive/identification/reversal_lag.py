@@ -16,11 +16,9 @@ from backdrive.logs.quantiles import median
 REACH = 0.3  # longest time after a reversal that is looked at [s]
 FEWEST = 6  # least number of reversals
 SLOW = 0.01  # least speed two means beside a reversal, relative to the top speed: others are rests [-]
-HELD, TURNED = (
-    0.75,
-    0.2,
-)  # least friction that is held, relative to that right after a reversal, and most that has turned [-]
-STEADY = 0.5  # least such friction right after a reversal, relative to what the model says of its jump, and inverse of the most [-]
+STEADY = 0.5  # least part of the friction that has not turned at first, and inverse of the largest [-]
+HELD, TURNED = 0.6, 0.2  # least part that is held, relative to the first, and largest that has turned [-]
+FALL = 0.1  # largest fall from mean to mean while it is held, likewise: what builds up over a distance falls faster [-]
 SCATTER = 0.1  # largest standard error of a part [-]
 LASTING, EDGE = 2, 1  # least number of means in which friction is held, and most in which it turns
 AFTER = 3  # least number of means in which it has turned
@@ -34,7 +32,9 @@ def turning_lag(res: Residual) -> float:
     """
     for way in (1, -1):
         held, error = _shares(res, way)
-        count = int(np.argmax(np.append(held, 0.0) < HELD * held[:1].max(initial=0.0)))
+        first = float(held[:1].max(initial=0.0))
+        steady = (held >= HELD * first) & (-np.diff(held, prepend=first) <= FALL * first)
+        count = int(np.argmin(np.append(steady, False)))
         edge = count + int(np.argmax(np.append(held[count:], 0.0) < TURNED))
         after = slice(edge, edge + AFTER)
         if count < LASTING or edge > count + EDGE or held[after].size < AFTER:
