@@ -117,6 +117,28 @@ class DelayStretch:
             speed[into] = filters.means(np.abs(part), self.width)
         return slides, speed
 
+    def change(self, delay: float, candidate: design.Candidate, coefficients: np.ndarray) -> np.ndarray:
+        """Return the derivative of the means of a predicted torque by the delay [N.m/s or N/s], (n,); see `delay_slope`."""
+        whole, parts = cubic(delay * self.rate + 0.5)  # a bin ends between two samples
+        whole, weights = min(max(whole, -self.samples - 2), self.samples + 2), np.array(parts)
+        self._reach(abs(whole) + 3)
+        four = self.width * np.arange(self.count + 1) - whole - 2 + np.arange(4)[:, None]
+        velocity = weights @ self._velocity.take(four, mode="clip")
+        form, curve, head = (
+            candidate.form,
+            coefficients[len(candidate.terms) :],
+            candidate.spread @ coefficients,
+        )
+        torque = curves.basis_means(velocity, form.knots, 1) @ (
+            np.tile(curve, 2) if form.symmetric else curve
+        )
+        four += self._margin
+        for factor, row in zip(head[[0, 3, 4]], self._longer, strict=False):  # as in `head`
+            torque += factor * (weights @ row.take(four))
+        if len(self._jerk):
+            torque += head[1] * (weights @ self._jerk[0].take(four))
+        return (torque[:-1] - torque[1:]) * (self.rate / self.width)
+
 
 def later(mask: np.ndarray, samples: int) -> np.ndarray:
     """Return a mask delayed by whole samples, (n,); beyond its ends, it keeps its first and last value."""

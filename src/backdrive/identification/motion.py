@@ -23,13 +23,13 @@ from backdrive.identification.block_prediction import predict_blocks
 from backdrive.identification.crossing_fit import TOLD
 from backdrive.identification.delay import delay_signals, sliding_in_step
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
+from backdrive.identification.delay_slope import change_with_delay
 from backdrive.identification.evidence import constant_beside, evidence, parts_of, sentences, without_errors
 from backdrive.identification.jerk import clear_jerk
 from backdrive.identification.misses import Misses, misses_of
 from backdrive.identification.model_torque import LEFT_OUT, leave_out
 from backdrive.identification.motion_bins import (
     BIN_TIME,
-    FILLED,
     HALF,
     LONG_ENOUGH,
     Bins,
@@ -137,15 +137,16 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (slower_way if both else top))
 
-    def average(late: float, fitted: design.Candidate | None = None) -> Bins:
+    def settled() -> list[DelayStretch]:
         if along:
-            settled = [each.with_sliding(s.sliding) for each, s in zip(along, slid, strict=True)]
-            return bins_at_delay(settled, late, knots, fitted)
+            return [each.with_sliding(s.sliding) for each, s in zip(along, slid, strict=True)]
+        return [DelayStretch(s, seconds, NONE) for s in slid]
+
+    def average(late: float) -> Bins:
         if not few:
-            return bins_at_delay([DelayStretch(s, seconds, NONE) for s in slid], late, knots, fitted)
-        motion, spread = [delay_signals(s, late) for s in slid], fitted.spread if fitted else None
-        filled = HALF if few else FILLED
-        return bin_means(motion, knots, seconds=seconds, reversals=few, filled=filled, spread=spread)
+            return at_hand[late] if late in at_hand else bins_at_delay(settled(), late, knots)
+        motion = [delay_signals(s, late) for s in slid]
+        return bin_means(motion, knots, seconds=seconds, reversals=True, filled=HALF)
 
     def simplest(slip: Slip, bins: Bins):
         return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow), start)
@@ -168,17 +169,16 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         )
 
     def with_late(slip: Slip, choice: design.Choice, bins: Bins) -> design.Choice:
-        later = average(slip.delay + slip.error, choice.candidate)
-        torque = replace(later, X=later.X @ choice.coefficients[:, None], used=bins.used)
-        moved = torque.whiten(slip.colour).X[:, 0]
-        return with_slip(choice, response(bins, moved, choice.coefficients), slip)
+        change = change_with_delay(settled(), slip.delay, choice.candidate, choice.coefficients)
+        white = replace(bins, X=slip.error * change[:, None]).whiten(slip.colour).X[:, 0]
+        return with_slip(choice, response(bins, white, choice.coefficients), slip)
 
     rate = stretches[0].rate
     corner, width = smooth.cutoff or default_cutoff(rate), max(1, round(seconds * rate))
     false_means = smooth.error.between_means(corner, rate, width)
     options = design.candidates(knots, allowed, symmetric=symmetric, **given)
     slip, coarse, slid = Slip(delay=0.0, error=np.inf, period=1.0 / rate), None, list(stretches)
-    along, timed = list[DelayStretch](), False  # timed at the reversals
+    along, at_hand, timed = list[DelayStretch](), dict[float, Bins](), False  # timed at the reversals
     start: np.ndarray | None = None  # coefficients of all columns at the rough delay
 
     look = windows_of(stretches, ENOUGH) or stretches
@@ -216,7 +216,10 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         slid = list(stretches) if few else at_rough(slip, prepared, True)[1]
         del prepared  # long logs fill the memory
     elif not few:
-        slip, coarse, slid, along = search_slip(stretches, look, knots, full, ready, at_rough, false_means)
+        slip, coarse, slid, along, near = search_slip(
+            stretches, look, knots, full, ready, at_rough, false_means
+        )
+        at_hand = {slip.delay: near} if near else {}
         along = along if look is stretches else []  # long logs fill the memory
         if not slip.is_known and slip.error < CLOSE * slip.least:
             with suppress(NotIdentifiable):

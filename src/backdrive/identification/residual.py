@@ -21,7 +21,7 @@ from backdrive.identification.curves import basis
 from backdrive.identification.outliers import count_single
 from backdrive.identification.projection import CLEAR, inverse_of, orthonormal
 from backdrive.identification.signals import Signals, surely_sliding
-from backdrive.identification.waves import waves_at
+from backdrive.identification.waves import sums_by_place, waves_at
 from backdrive.logs import filters
 from backdrive.logs.quantiles import median, quantile
 from backdrive.logs.resolution import resolution
@@ -33,6 +33,7 @@ OUTLYING = 3.0  # the same of a mean
 FINEST = 100.0  # largest number of waves over the range of positions
 APART = 0.05  # least part of a column that the other dynamics do not explain, relative to the column [-]
 LINE = 2  # number of knots of a straight line
+TURN = 0.25  # largest phase of the shortest wave between means that count as one in the search [rad]
 MOST = 4_000_000  # largest product of means and wave numbers in the search for a wave
 Part = tuple[Signals, np.ndarray, np.ndarray, bool]  # as `evidence` takes it
 
@@ -258,17 +259,16 @@ class Residual:
             step: distance of the wave numbers.
             factors: factors on each wave, (F, n).
         """
-        W, n, F, weight = waves.size, self.time.size, len(factors), factors**2
+        W, n, F = waves.size, self.time.size, len(factors)
         own = np.column_stack([self._error_apart, self._basis])
         both = np.reshape(factors[..., None] * own, (F, n, -1)).swapaxes(0, 1).reshape(n, -1)
-        sums, square, level = np.empty((2, W, both.shape[1])), np.empty((2, F, W)), np.all(weight == 1.0)
-        for rows, sine, cosine in waves_at(self.position, waves[0], step, W):
+        count, held = both.shape[1], np.column_stack([both, (factors**2).T])
+        position, held = sums_by_place(self.position, held, TURN / waves[-1])
+        both, weight = held[:, :count], held[:, count:].T
+        sums, square = np.empty((2, W, count)), np.empty((2, F, W))
+        for rows, sine, cosine in waves_at(position, waves[0], step, W):
             sums[0, rows], sums[1, rows] = sine @ both, cosine @ both
-            if level:
-                products = np.einsum("wn,wn->w", sine, sine), np.einsum("wn,wn->w", sine, cosine)
-            else:
-                products = weight @ (sine * sine).T, weight @ (sine * cosine).T
-            square[0, :, rows], square[1, :, rows] = products
+            square[0, :, rows], square[1, :, rows] = weight @ (sine * sine).T, weight @ (sine * cosine).T
         pair = sums.reshape(2, W, F, -1).transpose(2, 1, 0, 3)
         moment, held = pair[..., 0], pair[..., 1:]
         of_sine, mixed = square

@@ -16,6 +16,7 @@ import numpy as np
 from backdrive.identification import design, noise, regression
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.delay_profile import CENTRED, ROUGHLY, refine_delay
+from backdrive.identification.delay_slope import bins_near, response_by_one
 from backdrive.identification.lateness import delay as shift_of
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.residual import residual_of
@@ -116,9 +117,9 @@ def search_slip(
     ready: Prepare,
     choose: Callable[[Slip, list[DelayStretch], bool], Chosen],
     false: tuple[float, ...] = (),
-) -> tuple[Slip, float | None, list[Signals], list[DelayStretch]]:
-    """Return the delay of the torque, the result of `coarse_delay` if it was needed, and the stretches that determined it, also
-    as they were prepared.
+) -> tuple[Slip, float | None, list[Signals], list[DelayStretch], Bins | None]:
+    """Return the delay of the torque, the result of `coarse_delay` if it was needed, the stretches that determined it, also as
+    they were prepared, and their bins of all columns if these are at hand.
 
     Args:
         stretches: of one joint.
@@ -140,8 +141,8 @@ def search_slip(
     if not (slip.is_known and abs(slip.delay) < LONG) and (coarse := coarse_delay(stretches)) is not None:
         some, whole = some if whole else ready(stretches, False), True
         slip = seek_slip(some, knots, widest, coarse, rough=True, false=false)
-    candidate, stretches, raw, begin = choose(slip, some, whole)
-    begin = None if begin is None else np.insert(begin, len(candidate.terms), 0.0)  # no jerk yet
+    at, (candidate, stretches, raw, fitted) = slip.delay, choose(slip, some, whole)
+    begin = None if fitted is None else np.insert(fitted, len(candidate.terms), 0.0)  # no jerk yet
     if whole:
         some = [each.with_sliding(s.sliding) for each, s in zip(some, stretches, strict=True)]
     else:  # after the windows' bins are gone: long logs fill the memory
@@ -158,7 +159,9 @@ def search_slip(
             some, knots, candidate, slip.delay, slip.error, slip.colour, centred, false
         )
         slip = replace(slip, delay=delay, error=error)
-    return slip, coarse, stretches, some
+    if raw is not None and fitted is not None:
+        raw = bins_near(raw, at, slip.delay, some, candidate, fitted)
+    return slip, coarse, stretches, some, raw
 
 
 def fix_slip(
@@ -237,7 +240,7 @@ def seek_slip(
         if abs(tried[-1][1]) > BEYOND:
             return replace(open_, colour=colour)
         first = plain if colour.correlation < COLOURED else None
-        share = _response_by_one(first, theta, inertia, jerk, stretches[0].width * period) if first else 0.0
+        share = response_by_one(first, theta, inertia, jerk, stretches[0].width * period) if first else 0.0
         if CLEARLY[0] < share < CLEARLY[1] and abs(tried[0][1]) <= lever * share:
             delay += tried[0][1] / share  # near enough for the search that begins there
             break
@@ -279,25 +282,6 @@ def between_samples(X: np.ndarray, delay: int, period: float, width: int = 1) ->
     told = np.add.reduceat(told, np.arange(0, told.size, width))
     moments = max(float(told.sum() ** 2 / max((told**2).sum(), 1e-300)), 1.0)
     return period**2 / (6.0 * moments)
-
-
-def _response_by_one(bins: Bins, theta: np.ndarray, inertia: int, jerk: int, seconds: float) -> float:
-    """Return the response of the jerk to a delay [-] by one fit alone, from the change of its torque with time.
-
-    A torque that is late by a short time d is that of the fit less d times its derivative. Other terms take a part of this, or
-    make more of it. Where the joint is light, or the delay long, that may be nearly all.
-
-    Args:
-        bins: that were fitted, as they were before whitening.
-        theta: coefficients of the fit, (p,).
-        inertia: index of the inertia.
-        jerk: index of the jerk.
-        seconds: length of a bin [s].
-    """
-    torque = bins.X @ theta - bins.X[:, jerk] * theta[jerk]
-    rows = 1 + np.flatnonzero(bins.used[1:-1] & bins.used[2:] & bins.used[:-2])
-    change, X = (torque[rows - 1] - torque[rows + 1]) / (2.0 * seconds), bins.X[rows]
-    return float(regression.solve(X.T @ X, X.T @ change)[jerk] / theta[inertia])
 
 
 def _next(tried: list[tuple[float, float]], lever: float) -> tuple[float, float, bool]:

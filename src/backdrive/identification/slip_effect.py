@@ -11,19 +11,18 @@ from backdrive.identification.motion_bins import Bins
 from backdrive.identification.slip import Slip
 
 
-def response(bins: Bins, later: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+def response(bins: Bins, change: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     """Return by how much a fit changes if the motion is delayed further, with Huber's weights held, (r,).
 
     Args:
         bins: with the candidate's columns, which were fitted.
-        later: torque that the fit predicts along a motion that is delayed further, as white as the bins [N.m or N], (n,).
+        change: of the torque that it predicts, as white as the bins [N.m or N], (n,).
         coefficients: of the fit, (r,).
     """
-    predicted = bins.X @ coefficients
-    residual = bins.y - predicted
+    residual = bins.y - bins.X @ coefficients
     width = regression.HUBER * regression.robust_spread(residual[bins.used])
     weighted = bins.X * (bins.used * regression.huber_weights(residual, width))[:, None]
-    return regression.solve(weighted.T @ bins.X, weighted.T @ (predicted - later))
+    return regression.solve(weighted.T @ bins.X, -weighted.T @ change)
 
 
 def with_slip(choice: design.Choice, change: np.ndarray, slip: Slip) -> design.Choice:

@@ -46,3 +46,21 @@ def waves_at(
             sine += one
             cosine -= other
         yield rows, sine[: rows.stop - at], cosine[: rows.stop - at]
+
+
+def sums_by_place(position: np.ndarray, series: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mean positions of those that lie in the same interval, (m,), and the sums of their rows, (m, k).
+
+    Args:
+        position: [rad or m], (n,).
+        series: a row for each position, (n, k).
+        width: of the intervals [rad or m].
+    """
+    low = float(position.min())
+    if not np.ptp(position) < width * min(position.size, np.iinfo(np.uint16).max):
+        return position, series  # as many intervals as positions
+    place = ((position - low) / width).astype(np.uint16)  # sorted by their digits
+    order = np.argsort(place, kind="stable")
+    first = np.flatnonzero(np.diff(place[order], prepend=-1))
+    count = np.diff(first, append=place.size)
+    return np.add.reduceat(position[order], first) / count, np.add.reduceat(series[order], first, axis=0)
