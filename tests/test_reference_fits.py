@@ -16,6 +16,7 @@ from backdrive.identification import (
     motion_bins,
     ramp,
     regression,
+    robust,
     runs,
 )
 from backdrive.identification.constant_velocity import (
@@ -248,7 +249,7 @@ def test_normal_equations_of_bins_by_hand():
     X = design.columns(s, knots)[: width * count].reshape(count, width, -1).mean(axis=1)
     y = s.torque[: width * count].reshape(count, width).mean(axis=1)
     w = (s.moving[: width * count].reshape(count, width).mean(axis=1) > 0.5).astype(float)
-    w = regression.robust_weights(X, y, w)
+    w = robust.robust_weights(X, y, w)
     blocks = motion_bins.bin_means([s], knots).equations()
     assert blocks.gram.sum(axis=0) == pytest.approx((X * w[:, None]).T @ X, rel=1e-9, abs=1e-9)
     assert blocks.rows.sum() == pytest.approx(w.sum())

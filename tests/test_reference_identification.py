@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from backdrive.errors import InvalidInput, NotIdentifiable
-from backdrive.identification import curves, regression, sweep_delay
+from backdrive.identification import curves, regression, robust, sweep_delay
 from backdrive.identification.function_a import _curvature, _within, correct_pairs
 from backdrive.identification.load_fit import growth, payload_growth
 from backdrive.identification.regression import long_run
@@ -469,10 +469,10 @@ def test_hubers_weights_by_hand():
     residual, w = np.array([-3.0, -1.0, 0.5, 0.2, 10.0, 0.0, 7.0]), np.array([1.0, 1, 1, 1, 1, 1, 0])
     spread = 1.4826 * np.median([3.0, 1.0, 0.5, 0.2, 10.0, 0.0])
     expected = [min(1.0, 1.345 * spread / max(abs(r), 1e-300)) for r in residual]
-    assert regression.robust_spread(residual, w) == pytest.approx(spread)
-    assert regression.huber_weights(residual, regression.HUBER * spread) == pytest.approx(expected)
-    assert regression.robust_weights(np.ones((4, 1)), np.zeros(4), np.ones(4)).tolist() == [1.0] * 4
-    assert regression.robust_spread(residual, np.zeros(7)) == 0.0
+    assert robust.robust_spread(residual, w) == pytest.approx(spread)
+    assert robust.huber_weights(residual, robust.HUBER * spread) == pytest.approx(expected)
+    assert robust.robust_weights(np.ones((4, 1)), np.zeros(4), np.ones(4)).tolist() == [1.0] * 4
+    assert robust.robust_spread(residual, np.zeros(7)) == 0.0
     assert regression.block_index(10, 3).tolist() == [0, 0, 0, 0, 1, 1, 1, 2, 2, 2]
 
 

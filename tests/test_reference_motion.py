@@ -7,7 +7,7 @@ import pytest
 
 from backdrive import identify
 from backdrive.errors import NotIdentifiable
-from backdrive.identification import curves, delay, design, dynamics, motion_bins, noise, regression
+from backdrive.identification import curves, delay, design, dynamics, motion_bins, noise, regression, robust
 from backdrive.identification.delay_bins import DelayStretch
 from backdrive.identification.evidence import verdict
 from backdrive.identification.motion import identify_motion
@@ -93,7 +93,7 @@ def fitted_line(logs):
     y, used = bins.y, bins.used
     left = y - X @ choice.coefficients
     later = averaged(slip.delay + slip.error, used)
-    width = regression.HUBER * 1.4826 * np.median(np.abs(left[used]))
+    width = robust.HUBER * 1.4826 * np.median(np.abs(left[used]))
     root = np.sqrt(used * np.minimum(1.0, width / np.maximum(np.abs(left), 1e-300)))[:, None]
     moved_by = (
         X - later.X @ option.spread

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from backdrive.identification import curves, regression
+from backdrive.identification import curves, regression, robust
 
 RNG = np.random.default_rng(1)
 X = RNG.standard_normal((240, 3)) * [1.0, 10.0, 0.01]
@@ -55,7 +55,7 @@ def test_standard_errors_cover_the_truth_under_correlated_noise():
 def test_huber_ignores_wild_samples():
     y = Y.copy()
     y[::20] += 1000.0
-    w = regression.robust_weights(X, y, np.ones(240))
+    w = robust.robust_weights(X, y, np.ones(240))
     theta = regression.solve((X * w[:, None]).T @ X, (X * w[:, None]).T @ y)
     np.testing.assert_allclose(theta, THETA, rtol=0.05)
 
@@ -73,15 +73,15 @@ def test_a_robust_fit_is_the_least_of_huber_s_loss(wild, start):
     y = X @ [1.0, -2.0, 300.0, 0.5] + 0.1 * rng.standard_normal(2000)
     y += 5.0 * rng.standard_normal(2000) * (rng.uniform(size=2000) < wild)
     begin = None if start is None else np.full(4, start)
-    theta = regression.robust_solution(X, y, np.ones(2000), rounds=30, start=begin)
-    width = regression.HUBER * 1.4826 * float(np.median(np.abs(y - X @ theta)))
+    theta = robust.robust_solution(X, y, np.ones(2000), rounds=30, start=begin)
+    width = robust.HUBER * 1.4826 * float(np.median(np.abs(y - X @ theta)))
     best = minimize(
         huber_cost, theta, args=(X, y, width), method="Powell", options={"xtol": 1e-10, "ftol": 1e-14}
     )
-    step = regression.SETTLED * width / np.linalg.norm(X, axis=0)
+    step = robust.SETTLED * width / np.linalg.norm(X, axis=0)
     assert theta == pytest.approx(best.x, abs=3.0 * float(step.max()), rel=1e-6)
-    weights = regression.robust_weights(X, y, np.ones(2000), rounds=30)
-    assert weights == pytest.approx(regression.huber_weights(y - X @ theta, width), abs=1e-3)
+    weights = robust.robust_weights(X, y, np.ones(2000), rounds=30)
+    assert weights == pytest.approx(robust.huber_weights(y - X @ theta, width), abs=1e-3)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.15])
@@ -91,9 +91,9 @@ def test_a_robust_fit_is_exact_after_few_rounds(share):
     y = X @ np.arange(6.0) + 0.1 * rng.standard_normal(3000)
     y += 3.0 * rng.standard_normal(3000) * (rng.uniform(size=3000) < share)
     w = rng.uniform(0.2, 1.0, size=3000) * (rng.uniform(size=3000) < 0.9)
-    theta = regression.robust_solution(X, y, w, rounds=4)
+    theta = robust.robust_solution(X, y, w, rounds=4)
     residual = y - X @ theta
-    width = regression.HUBER * regression.robust_spread(residual, w)
+    width = robust.HUBER * robust.robust_spread(residual, w)
     pull = X.T @ (w * np.clip(residual, -width, width))
     assert np.abs(pull).max() < 2e-4 * width * np.sqrt(3000)  # by reweighting alone, up to 1e-3
 
@@ -114,7 +114,7 @@ def test_a_robust_fit_stays_with_the_many(kind):
         else:
             X[:8] *= 30.0
             noise[:8] = 20.0 * rng.standard_normal(8)
-        theta = regression.robust_solution(X, X @ [1.0, 2.0, 3.0] + noise, np.ones(1000))
+        theta = robust.robust_solution(X, X @ [1.0, 2.0, 3.0] + noise, np.ones(1000))
         assert theta == pytest.approx([1.0, 2.0, 3.0], abs=0.5 if kind == "leverage" else 0.05), seed
 
 
@@ -122,7 +122,7 @@ def test_a_column_that_wild_rows_alone_determine_does_not_run_away():
     X = np.stack([np.ones(200), (np.arange(200) < 3).astype(float)], axis=1)
     y = 0.1 * np.random.default_rng(2).standard_normal(200)
     y[:3] = [50.0, -40.0, 8.0]
-    theta = regression.robust_solution(X, y, np.ones(200), rounds=50)
+    theta = robust.robust_solution(X, y, np.ones(200), rounds=50)
     assert theta[0] == pytest.approx(0.0, abs=0.02)
     assert theta[1] == pytest.approx(8.0, abs=0.5)  # nearly the median of the three
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backdrive.external.payload_terms import DAY, OWN, corrections, of_the_day, own_prior
-from backdrive.identification import regression
+from backdrive.identification import regression, robust
 from backdrive.identification.arm_errors import blocks_of, errors_of_fit
 from backdrive.identification.arm_signals import ArmSignals
 from backdrive.identification.arm_solve import spread_of
@@ -144,7 +144,7 @@ class PayloadProblem:
             errors = [rows.torque - p for (rows, _), p in zip(self._parts(), predicted, strict=True)]
             noise = np.array([self._noise(errors, j, noise[j]) for j in range(J)])
             weights = [
-                rows.weight * regression.huber_weights(e, WILD * noise) / noise**2
+                rows.weight * robust.huber_weights(e, WILD * noise) / noise**2
                 for (rows, _), e in zip(self._parts(), errors, strict=True)
             ]
             gram, moment = precision, precision @ (mean - x)
@@ -280,7 +280,7 @@ class PayloadProblem:
         weight = np.concatenate([rows.weight[:, j] for rows in self._rows])
         if not np.any(weight > 0):
             return before
-        return max(regression.robust_spread(error, weight), 1e-6 * self._scale(j))
+        return max(robust.robust_spread(error, weight), 1e-6 * self._scale(j))
 
     def _blocks(
         self, x: np.ndarray, weights: Sequence[np.ndarray], errors: Sequence[np.ndarray]

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from backdrive.identification import regression
+from backdrive.identification import regression, robust
 from backdrive.identification.arm_errors import blocks_of
 from backdrive.identification.arm_signals import ArmSignals
 from backdrive.identification.arm_terms import Regressor, Rows, Terms, build, steps_of
@@ -130,7 +130,7 @@ def slip_of(rows: Rows, change: np.ndarray, block: np.ndarray) -> ArmSlip | None
         if not told > TELLS**2 * float(both[:, 0] @ both[:, 0]):
             continue
         delay = -float(z @ y) / told
-        weight = max(regression.robust_spread(y + delay * z), 1e-300) ** -2.0
+        weight = max(robust.robust_spread(y + delay * z), 1e-300) ** -2.0
         each.append(delay)
         power.append(weight * told)
         sums = [np.bincount(block[used], weight * z * x, block[-1] + 1) for x in (y, z)]

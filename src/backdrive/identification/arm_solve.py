@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from backdrive.identification import regression
+from backdrive.identification import regression, robust
 from backdrive.identification.arm_errors import blocks_of, errors_of_fit
 from backdrive.identification.arm_terms import Rows, Terms
 from backdrive.identification.quality import JUDGED_BELOW
@@ -138,7 +138,7 @@ def solve_arm(
         fitted = _predict(rows, first, x)
         error = rows.torque - fitted
         noise = np.array([_noise(error[:, j], rows.weight[:, j], scale[j]) for j in range(J)])
-        huber = regression.huber_weights(error, WILD * noise)
+        huber = robust.huber_weights(error, WILD * noise)
         change = (fitted - before) * rows.weight / noise
         if np.sqrt(np.mean(change**2)) < SETTLED:
             break
@@ -212,7 +212,7 @@ def _rms(x: np.ndarray, weight: np.ndarray) -> float:
 
 def _noise(error: np.ndarray, weight: np.ndarray, scale: float) -> float:
     """Return a robust standard deviation, at least the rounding error of a fit in float64."""
-    return max(regression.robust_spread(error, weight), 1e-6 * scale) if np.any(weight > 0) else scale
+    return max(robust.robust_spread(error, weight), 1e-6 * scale) if np.any(weight > 0) else scale
 
 
 def _predict(rows: Rows, first: np.ndarray, x: np.ndarray) -> np.ndarray:

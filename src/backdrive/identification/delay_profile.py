@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from backdrive.identification import design, regression
+from backdrive.identification import design, robust
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.whitening import Colour
 
@@ -79,8 +79,8 @@ def _unsteady(
 ) -> float:
     """Return by how much the acceleration's error changes the loss from delay to delay [squared standard deviation]."""
     bins = bins_at_delay(stretches, delay, knots, candidate).whiten(colour)
-    theta = regression.robust_solution(bins.X, bins.y, bins.used.astype(float))
-    spread = regression.robust_spread((bins.y - bins.X @ theta)[bins.used])
+    theta = robust.robust_solution(bins.X, bins.y, bins.used.astype(float))
+    spread = robust.robust_spread((bins.y - bins.X @ theta)[bins.used])
     c = max(colour.correlation, 0.0)
     whitened = (false[0] * (1.0 + c**2) - 2.0 * c * false[1]) / (1.0 - c**2)
     inertia = theta[candidate.terms.index("inertia")]
@@ -100,11 +100,11 @@ def _losses(
     residuals, theta = [], None
     for bins in each:
         whitened = replace(bins, used=used).whiten(colour)
-        theta = regression.robust_solution(whitened.X, whitened.y, whitened.used.astype(float), start=theta)
+        theta = robust.robust_solution(whitened.X, whitened.y, whitened.used.astype(float), start=theta)
         residuals.append((whitened.y - whitened.X @ theta)[whitened.used])
-    spread = min(regression.robust_spread(residual) for residual in residuals)
+    spread = min(robust.robust_spread(residual) for residual in residuals)
     if not spread > 0.0:
         return np.full(len(each), np.nan)
     return np.array(
-        [np.sum(regression.huber_loss(np.abs(residual) / spread, regression.HUBER)) for residual in residuals]
+        [np.sum(robust.huber_loss(np.abs(residual) / spread, robust.HUBER)) for residual in residuals]
     )

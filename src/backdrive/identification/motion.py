@@ -137,14 +137,14 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (slower_way if both else top))
 
-    def settled() -> list[DelayStretch]:
+    def delay_stretches() -> list[DelayStretch]:
         if along:
             return [each.with_sliding(s.sliding) for each, s in zip(along, slid, strict=True)]
         return [DelayStretch(s, seconds, NONE) for s in slid]
 
     def average(late: float) -> Bins:
         if not few:
-            return at_hand[late] if late in at_hand else bins_at_delay(settled(), late, knots)
+            return at_hand[late] if late in at_hand else bins_at_delay(delay_stretches(), late, knots)
         motion = [delay_signals(s, late) for s in slid]
         return bin_means(motion, knots, seconds=seconds, reversals=True, filled=HALF)
 
@@ -169,7 +169,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         )
 
     def with_late(slip: Slip, choice: design.Choice, bins: Bins) -> design.Choice:
-        change = change_with_delay(settled(), slip.delay, choice.candidate, choice.coefficients)
+        change = change_with_delay(delay_stretches(), slip.delay, choice.candidate, choice.coefficients)
         white = replace(bins, X=slip.error * change[:, None]).whiten(slip.colour).X[:, 0]
         return with_slip(choice, response(bins, white, choice.coefficients), slip)
 
@@ -286,19 +286,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     constant = constant_beside(friction, NAMED) if choice.candidate.form.symmetric else ""
     fixed = "" if delay is None else describe(delay)
     known = LEFT_OUT if without and any(np.any(s.model_torque) for s in logged) else ""
-    said = filter(
-        None,
-        (
-            support.verdict,
-            through,
-            TOLD if timed else "",
-            constant,
-            fixed,
-            known,
-            smooth.note,
-        ),
-    )
-    support = replace(support, verdict=" ".join(said))
+    said = (support.verdict, through, TOLD if timed else "", constant, fixed, known, smooth.note)
+    support = replace(support, verdict=" ".join(filter(None, said)))
     return without_gravity(friction, support, logged) if blind else (friction, support)
 
 

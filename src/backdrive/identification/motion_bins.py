@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from backdrive.errors import NotIdentifiable
-from backdrive.identification import design, regression
+from backdrive.identification import design, regression, robust
 from backdrive.identification.signals import Signals, default_cutoff
 from backdrive.identification.whitening import PIECE, Colour, whiten_both, whiten_some
 from backdrive.logs import filters
@@ -99,16 +99,17 @@ class Bins:
         X[~self.used], y[~self.used] = self.X[~self.used], self.y[~self.used]
         return replace(self, X=X, y=y)
 
-    def equations(self, start: np.ndarray | None = None, rounds: int = regression.MANY) -> regression.Blocks:
+    def equations(self, start: np.ndarray | None = None, rounds: int = robust.MANY) -> regression.Blocks:
         """Return the robustly weighted normal equations of all columns, by block of neighbouring samples.
 
         Args:
             start: coefficients of a similar fit, which save repetitions, (p,).
             rounds: largest number of repetitions.
         """
-        w = regression.robust_weights(self.X, self.y, self.used.astype(float), rounds, start)
         block = regression.block_index(len(self.y), self.blocks)
-        return regression.accumulate(self.X, self.y, w, block, self.blocks)
+        return robust.robust_blocks(
+            self.X, self.y, self.used.astype(float), block, self.blocks, rounds, start
+        )
 
 
 def moving_average(correlation: float) -> float:

@@ -17,7 +17,7 @@ from math import comb
 import numpy as np
 
 from backdrive.identification.motion_bins import moving_average
-from backdrive.identification.regression import robust_spread
+from backdrive.identification.robust import robust_spread
 from backdrive.identification.whitening import LAGS, WHITE, Colour, power_of
 from backdrive.logs.filters import gain_of_derivative, power_gain
 from backdrive.logs.log import Log

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf  # type: ignore[attr-defined]
 from scipy.special import stdtrit
 
-from backdrive.identification import regression
+from backdrive.identification import regression, robust
 from backdrive.identification.lag_products import (
     between_columns,
     products,
@@ -167,8 +167,8 @@ def covariance_of_fit(
         share: of the samples that was independent before they were whitened [-].
     """
     p = X.shape[1]
-    spread = regression.robust_spread(residual[used]) or float(np.sqrt(np.mean(residual[used] ** 2)))
-    width = regression.HUBER * spread
+    spread = robust.robust_spread(residual[used]) or float(np.sqrt(np.mean(residual[used] ** 2)))
+    width = robust.HUBER * spread
     score = np.where(used, np.clip(residual, -width, width), 0.0)
     if not float(score @ score) > 0.0:
         return np.zeros((p, p))

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from backdrive.identification.regression import robust_spread
 from backdrive.identification.residual import Residual
+from backdrive.identification.robust import robust_spread
 from backdrive.identification.signals import turns
 from backdrive.logs.quantiles import median
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backdrive.identification import regression
+from backdrive.identification import regression, robust
 from backdrive.identification.noise import noise_of
 from backdrive.identification.signals import spans
 from backdrive.logs.log import Log
@@ -53,7 +53,7 @@ class Run:
 
 
 def _robust_mean(x: np.ndarray) -> float:
-    weights = regression.robust_weights(np.ones((x.size, 1)), x, np.ones(x.size))
+    weights = robust.robust_weights(np.ones((x.size, 1)), x, np.ones(x.size))
     return float(np.average(x, weights=weights))
 
 

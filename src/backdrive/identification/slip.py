@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backdrive.identification import design, noise, regression
+from backdrive.identification import design, noise, regression, robust
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
 from backdrive.identification.delay_profile import CENTRED, ROUGHLY, refine_delay
 from backdrive.identification.delay_slope import bins_near, response_by_one
@@ -217,7 +217,7 @@ def seek_slip(
     open_ = Slip(delay=start, error=np.inf, period=period)
     inertia, jerk = full.terms.index("inertia"), full.terms.index("jerk")
     delay, share, colour, theta = start, 1.0, known or WHITE, begin
-    rounds = FEW if rough else regression.MANY
+    rounds = FEW if rough else robust.MANY
     lever = min(max(LEVER, LEVER_SAMPLES * period), STEP)
     tried: list[tuple[float, float]] = []
     while True:
@@ -317,7 +317,7 @@ def _beyond(delay: float, left: float, least: float) -> float:
     return delay + math.copysign(min(max(abs(left), least), STEP), left)
 
 
-def fit(bins: Bins, start: np.ndarray | None = None, rounds: int = regression.MANY) -> np.ndarray:
+def fit(bins: Bins, start: np.ndarray | None = None, rounds: int = robust.MANY) -> np.ndarray:
     """Return the coefficients of all columns, fitted with Huber's loss, (p,).
 
     Args:
@@ -325,7 +325,7 @@ def fit(bins: Bins, start: np.ndarray | None = None, rounds: int = regression.MA
         start: coefficients of a similar fit, (p,).
         rounds: largest number of repetitions.
     """
-    return regression.robust_solution(bins.X, bins.y, bins.used.astype(float), rounds, start)
+    return robust.robust_solution(bins.X, bins.y, bins.used.astype(float), rounds, start)
 
 
 def _in_torque(false: tuple[float, ...], full: design.Candidate, theta: np.ndarray) -> tuple[float, ...]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from backdrive.identification import design, regression
+from backdrive.identification import design, regression, robust
 from backdrive.identification.motion_bins import Bins
 from backdrive.identification.slip import Slip
 
@@ -20,8 +20,8 @@ def response(bins: Bins, change: np.ndarray, coefficients: np.ndarray) -> np.nda
         coefficients: of the fit, (r,).
     """
     residual = bins.y - bins.X @ coefficients
-    width = regression.HUBER * regression.robust_spread(residual[bins.used])
-    weighted = bins.X * (bins.used * regression.huber_weights(residual, width))[:, None]
+    width = robust.HUBER * robust.robust_spread(residual[bins.used])
+    weighted = bins.X * (bins.used * robust.huber_weights(residual, width))[:, None]
     return regression.solve(weighted.T @ bins.X, -weighted.T @ change)
 
 

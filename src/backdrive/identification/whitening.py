@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky_banded, solve_banded, solveh_banded
 
-from backdrive.identification import regression
+from backdrive.identification import robust
 
 MOST = 0.99  # largest correlation of the noise of neighbouring bins [-]
 # most negative correlation of neighbouring bins, and negative correlation above which it is set to zero [-]
@@ -116,7 +116,7 @@ def colour_of(
         width: of the means [sample].
     """
     at = np.flatnonzero(used)
-    large = regression.HUBER * regression.robust_spread(residual[at])
+    large = robust.HUBER * robust.robust_spread(residual[at])
     score = np.clip(residual[at], -large, large)
     correlation = min(max(before_clipping(neighbours(score, np.diff(at))), OPPOSITE), MOST)
     if SLIGHT < correlation < 0.0:

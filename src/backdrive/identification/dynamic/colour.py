@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from backdrive.identification import regression
+from backdrive.identification import robust
 from backdrive.identification.agreement import agree
 from backdrive.identification.dynamic.attenuation import FAST, clear_of_reversals, restore_inertia
 from backdrive.identification.dynamic.fit import Fit, conclude
@@ -118,7 +118,7 @@ def _colour(
     colour = colour_of(grid[0], used, columns, false)
     if colour.correlation > LEAST:
         return colour
-    power = regression.robust_spread(grid[0, at]) ** 2
+    power = robust.robust_spread(grid[0, at]) ** 2
     if colour.correlation > 0.0 or not (power > 0.0 and false and false[0] > 0.0):
         return WHITE
     shares = min(1.0 / power, ROUNDED / false[0]) * np.array(false)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backdrive.identification import regression
+from backdrive.identification import robust
 from backdrive.identification.dynamic import stopping
 
 STEP = 1e-5  # step of the forward differences [search coordinate]
@@ -88,7 +88,7 @@ class Search:
         """Return the standard deviation that scales the loss."""
         if self.sigma is not None:
             return self.sigma
-        return max(regression.robust_spread(residual), 1e-300)
+        return max(robust.robust_spread(residual), 1e-300)
 
     def cost(self, residual: np.ndarray, sigma: float) -> float:
         """Return the loss of residuals [their unit squared; `absolute`: their unit]; infinite if one is not finite."""
@@ -98,7 +98,7 @@ class Search:
             return float(residual @ residual)
         if self.loss == "absolute":
             return float(np.abs(residual).sum())
-        return float(regression.huber_loss(np.abs(residual) / sigma, HUBER).sum()) * sigma**2
+        return float(robust.huber_loss(np.abs(residual) / sigma, HUBER).sum()) * sigma**2
 
     def weights(self, residual: np.ndarray, sigma: float) -> np.ndarray:
         """Return the weights of reweighted least squares, (m,)."""

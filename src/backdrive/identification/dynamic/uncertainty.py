@@ -9,7 +9,7 @@ import numpy as np
 
 from backdrive._catalog import lookup
 from backdrive.errors import InvalidInput
-from backdrive.identification import regression
+from backdrive.identification import robust
 from backdrive.identification.dynamic.covariance import BLOCKS, inverse
 from backdrive.identification.dynamic.search import Search, SearchResult
 from backdrive.identification.options import Interval
@@ -195,7 +195,7 @@ def _profile_interval(
     J = J / size
     at = int(np.flatnonzero(np.flatnonzero(free) == i)[0])
     bread = inverse(J.T @ (found.weight[:, None] * J))[at, at] / size[at] ** 2
-    sigma = max(regression.robust_spread(found.residual), 1e-300)
+    sigma = max(robust.robust_spread(found.residual), 1e-300)
     start = found.point[others]
     whole = Search(None, problem.lower, problem.upper, loss=loss, sigma=sigma)
     least = whole.cost(found.residual, sigma)
