@@ -111,6 +111,20 @@ class Bins:
             self.X, self.y, self.used.astype(float), block, self.blocks, rounds, start
         )
 
+    def sandwich(self, theta: np.ndarray) -> np.ndarray:
+        """Return the covariance of a robust fit from the scatter of the scores of neighbouring samples' blocks, (p, p).
+
+        Args:
+            theta: its coefficients, (p,).
+        """
+        residual = self.y - self.X @ theta
+        width = robust.HUBER * robust.robust_spread(residual[self.used]) or np.inf  # without noise, all count
+        weight = self.used * robust.huber_weights(residual, width)
+        first = np.flatnonzero(np.diff(regression.block_index(len(self.y), self.blocks), prepend=-1))
+        weighted = self.X * weight[:, None]
+        scores = np.add.reduceat(weighted * residual[:, None], first)[np.add.reduceat(weight, first) > 0.0]
+        return regression.cluster_covariance(regression.invert(weighted.T @ self.X), scores)
+
 
 def moving_average(correlation: float) -> float:
     """Return the coefficient of the MA(1) with a given negative correlation of neighbours [-]."""

@@ -258,7 +258,7 @@ def seek_slip(
         return replace(open_, colour=colour)
     variance = float(covariance[jerk, jerk])
     if not rough:
-        variance = max(variance, float(regression.sandwich(bins.equations(theta, 1), theta)[jerk, jerk]))
+        variance = max(variance, float(bins.sandwich(theta)[jerk, jerk]))
     error = float(np.sqrt(variance) / theta[inertia] / min(share, 1.0))
     if not rough:
         error = math.hypot(error, math.sqrt(between_samples(bins.X[bins.used], jerk, period)))
