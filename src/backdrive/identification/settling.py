@@ -7,15 +7,17 @@ that lags by a distance looks like late torque.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from backdrive.identification import noise
+from backdrive.identification import noise, regression
 from backdrive.identification.delay import earlier
 from backdrive.identification.motion_bins import BLOCKS, Bins, bin_size
 from backdrive.identification.residual import MEAN, Part, residual_of
+from backdrive.identification.robust import robust_spread
 from backdrive.identification.signals import Signals, since_reversal, way_since_reversal
 from backdrive.identification.slip import fit
 from backdrive.identification.whitening import WHITE, Colour
@@ -28,6 +30,10 @@ FAR = 0.16  # share beyond which a distance is tested only if friction still bui
 SURE = 2.5  # least significance of a smaller torque after reversals [standard error]
 FEWEST = 8  # least number of bins for the test
 CLEAR = 3.0  # least significance from move to move, without whitening [standard error]
+NEARLY_WHITE = (
+    0.1  # largest correlation of neighbouring bins with which a fit's own residual tells nearly the same [-]
+)
+UNLIKELY = 1.5  # least significance by that residual that is worth a test with whitening [standard error]
 DOUBT = 0.5  # the same that is worth a test with whitening [standard error]
 FEWEST_MOVES = 4  # least number of moves for a test from move to move
 
@@ -66,7 +72,11 @@ def build_up(
         surely = _from_move_to_move(error, used & band, moves)
         lags = surely < -CLEAR
         if not (lags or surely > -DOUBT) and np.count_nonzero(used & band) >= FEWEST:
-            lags, more = _lags(replace(fitted, used=used), sense * band, colour, more)
+            column, now = sense * band, replace(fitted, used=used)
+            white = abs(colour.correlation) < NEARLY_WHITE
+            if white and _by_residual(now, sense * error, column) > -UNLIKELY:
+                continue
+            lags, more = _lags(now, column, colour, more)
         if lags:
             used, within, error = raw.used & (way >= before), before, None
     return within
@@ -114,6 +124,21 @@ def _from_move_to_move(error: np.ndarray, band: np.ndarray, moves: np.ndarray) -
         return np.nan
     means = np.bincount(moves[at], error[at])[count > 0] / count[count > 0]
     return float(means.mean() / max(means.std(ddof=1) / np.sqrt(means.size), 1e-300))
+
+
+def _by_residual(fitted: Bins, error: np.ndarray, column: np.ndarray) -> float:
+    """Return what `_lags` fits, by its standard error for white noise, from the residual of the fit without it [-].
+
+    Args:
+        fitted: bins with the candidate's columns.
+        error: residual of its fit, (n,).
+        column: the additional one, (n,).
+    """
+    used = fitted.used
+    X, z, left = fitted.X[used], column[used], error[used]
+    explained = X.T @ z
+    own = float(z @ z - explained @ regression.invert(X.T @ X) @ explained)
+    return float(z @ left) / max(robust_spread(left) * math.sqrt(max(own, 0.0)), 1e-300)
 
 
 def _lags(
