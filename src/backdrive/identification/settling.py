@@ -60,20 +60,20 @@ def build_up(
     """
     way, sense, moves, middle = _ways(stretches, delay, seconds)
     fitted, used, before, more = raw.map_columns(spread), raw.used, 0.0, None
-    within, error = 0.0, None
+    within, error, white = 0.0, None, abs(colour.correlation) < NEARLY_WHITE
     for share in SHARES:
         if share > FAR and within < before:  # a torque of the position is not to pass for build-up
             break
         band, before = (way >= before) & (way < share * middle), share * middle
         if error is None:
-            start = fit(replace(fitted, used=used), start)
+            if start is None or within > 0.0 or not white:  # else it is near enough
+                start = fit(replace(fitted, used=used), start)
             error = sense * (fitted.y - fitted.X @ start)
             more = np.append(start, 0.0) if more is None else more
         surely = _from_move_to_move(error, used & band, moves)
         lags = surely < -CLEAR
         if not (lags or surely > -DOUBT) and np.count_nonzero(used & band) >= FEWEST:
             column, now = sense * band, replace(fitted, used=used)
-            white = abs(colour.correlation) < NEARLY_WHITE
             if white and _by_residual(now, sense * error, column) > -UNLIKELY:
                 continue
             lags, more = _lags(now, column, colour, more)

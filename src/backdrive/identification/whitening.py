@@ -103,7 +103,9 @@ def colour_of(
     false: tuple[float, ...] = (),
     width: int = 1,
 ) -> Colour:
-    """Return the noise of neighbouring bins, with a correlation within limits; slightly negative ones are set to 0.
+    """Return the noise of neighbouring bins, with a correlation within limits.
+
+    A slightly negative one, and a positive one below its standard error, are set to 0.
 
     The error of the acceleration alternates, and hides a part of the correlation of the torque's noise. It is told apart where
     residuals are correlated positively. So is what the fit took of the noise.
@@ -119,7 +121,7 @@ def colour_of(
     large = robust.HUBER * robust.robust_spread(residual[at])
     score = np.clip(residual[at], -large, large)
     correlation = min(max(before_clipping(neighbours(score, np.diff(at))), OPPOSITE), MOST)
-    if SLIGHT < correlation < 0.0:
+    if SLIGHT < correlation < 1.0 / math.sqrt(max(at.size, 1)):
         return WHITE
     if not (correlation > 0.0 and large > 0.0 and false and false[0] > 0.0):
         return of_means(before_fit(correlation, columns, used), width)
