@@ -69,8 +69,8 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
     if own is None or not exam.usable("torque", j):
         return None
     light, heavy = _widths(exam.period)
-    every, shifts = heavy // 2, np.arange(-reach, reach + 1)
-    each, plain, top = _columns(exam, j)
+    every, shifts, skip = heavy // 2, np.arange(-reach, reach + 1), _skip(heavy)
+    each, plain, top = _columns(exam, j, _first(heavy, reach, skip) % skip, skip)
     terms, torque, fast, raws = (list[np.ndarray]() for _ in range(4))
     for number, raw in enumerate(exam.by_block("torque", j)):
         v = own[number][1]
@@ -80,7 +80,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         raws.append(raw)
         smooth = running(running(raw, light), heavy)
         at = np.arange(reach, len(smooth) - reach, every)
-        terms.append(sparse(each[number], heavy, reach).T)
+        terms.append(sparse(each[number], heavy, reach, skip, v.size).T)
         if at.size:
             torque.append(np.lib.stride_tricks.sliding_window_view(smooth, shifts.size)[at - reach])
         fast.append(slow[at] == slow[at + 3 * heavy - 2])  # none of the samples that the means reach
@@ -123,8 +123,15 @@ def _other_joints(exam: Exam, j: int, reach: int, terms: np.ndarray, torque: np.
 
 
 @once
-def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
-    """Return a joint's own terms of `Motion` by block before the heavy means, (p, n) each, how many are plain, its top speed."""
+def _columns(exam: Exam, j: int, first: int = 0, skip: int = 1) -> tuple[list[np.ndarray], int, float]:
+    """Return a joint's own terms of `Motion` by block before the heavy means, (p, n) each, how many are plain, its top speed.
+
+    Args:
+        exam: the log.
+        j: column of the joint.
+        first: of each block's samples.
+        skip: distance of those that are taken [sample].
+    """
     own = _path(exam, j) or []
     all_q, all_v = (np.concatenate([p[k] for p in own]) for k in (0, 1))
     top = max(quantile(np.abs(all_v), 0.99), 1e-12)
@@ -132,7 +139,7 @@ def _columns(exam: Exam, j: int) -> tuple[list[np.ndarray], int, float]:
     wide = exam.log.joints[j].unit == "rad" and span > 0.5
     parts: list[np.ndarray] = []
     plain = 0
-    for q, v, a in own:
+    for q, v, a in ((x[first::skip] for x in series) for series in own):
         way, size, angle = np.sign(v), np.abs(v), q - middle
         columns = [a, way, v, np.ones_like(v)]
         columns += [np.sin(angle), np.cos(angle)] if wide else [angle] if span > 0 else []
@@ -243,26 +250,48 @@ def _window_sums(x: np.ndarray, width: int) -> np.ndarray:
     return total
 
 
-def sparse(x: np.ndarray, width: int, reach: int) -> np.ndarray:
+def sparse(x: np.ndarray, width: int, reach: int, skip: int = 1, size: int | None = None) -> np.ndarray:
     """Return what `running` makes of rows (k, n) at the instants of `motion`, (k, m): half a width apart, none within `reach` of
     the ends.
 
     The samples of each half width are weighted by what they count in every window that they are part of; then windows add up.
+
+    Args:
+        x: all samples of each row, or those `skip` apart, from `_first` of them modulo `skip` on.
+        width: of each running mean [sample].
+        reach: as `motion` was called with it [sample].
+        skip: a divisor of half the width [sample].
+        size: number of all samples; None: that of the given ones.
     """
-    offset, weights, step = x[:, :1], _weights(width), width // 2
-    parts, room = -(-weights.size // step), x.shape[1] - weights.size + 1 - 2 * reach
-    m = max(-(-room // step), 0)
+    offset, whole, first = x[:, :1], _weights(width), _first(width, reach, skip)
+    weights, step, begin = whole[(first - reach) :: skip], width // 2 // skip, first // skip
+    parts, room = -(-weights.size // step), (size or x.shape[1]) - whole.size + 1 - 2 * reach
+    m = max(-(-room // (width // 2)), 0)
     held = np.empty((x.shape[0], (m + parts - 1) * step))
-    reached = x[:, reach : reach + held.shape[1]]
+    reached = x[:, begin : begin + held.shape[1]]
     np.subtract(reached, offset, out=held[:, : reached.shape[1]])
     held[:, reached.shape[1] :] = 0.0
     share = np.zeros(parts * step)
-    share[: weights.size] = weights
+    share[: weights.size] = weights / weights.sum()
     sums = (share.reshape(parts, step) @ held.reshape(-1, step).T).reshape(parts, len(x), -1)
     total = sums[0, :, :m] + offset
     for k in range(1, parts):
         total += sums[k, :, k : k + m]
     return total
+
+
+def _first(width: int, reach: int, skip: int) -> int:
+    """Return the first sample that counts in the first window, with others `skip` apart, one of which is in its middle."""
+    return reach + _weights(width).size // 2 % skip
+
+
+@lru_cache(maxsize=16)
+def _skip(width: int) -> int:
+    """Return the distance of the samples that tell what three running means of a width leave, a divisor of half of it [sample].
+
+    With a sixth of the width, what folds back is below a thousandth of what was there.
+    """
+    return max(k for k in range(1, max(width // 6, 1) + 1) if width // 2 % k == 0)
 
 
 @lru_cache(maxsize=16)
