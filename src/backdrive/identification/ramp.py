@@ -141,7 +141,8 @@ def is_ramp(log: Log, joint: str | int) -> bool:
         return False
     single = log.select(joint).on_joint_side()
     torque, position = single.driving_torque[:, 0], single.need("position")[:, 0]
-    if len(single) < FEWEST or not np.isfinite([torque, position]).all() or not np.ptp(torque) > 0.0:
+    finite = np.isfinite(torque).all() and np.isfinite(position).all()
+    if len(single) < FEWEST or not finite or not np.ptp(torque) > 0.0:
         return False
     noise = channel_noise(single, "torque", 0) if single.external_torque is None else white_noise(torque)
     if not _may_ramp(torque, noise, single.period):

@@ -173,7 +173,7 @@ def _ways(
     count = 0
     for s in stretches:
         width, size = bin_size(s, seconds)
-        velocity = earlier(s.velocity, delay * s.rate)
+        velocity = earlier(s.velocity, float(round(delay * s.rate)))  # near enough
         way, middle = since_reversal(velocity, s.rate)
         ways.append(way[: size * width].reshape(size, width).min(axis=1))
         senses.append(filters.means(np.sign(velocity), width))
