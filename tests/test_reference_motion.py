@@ -12,7 +12,7 @@ from backdrive.identification.delay_bins import DelayStretch
 from backdrive.identification.evidence import verdict
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.motion_bins import bin_means
-from backdrive.identification.motion_friction import as_friction, with_warnings
+from backdrive.identification.motion_friction import as_friction, warnings_of
 from backdrive.identification.plausibility import remarks
 from backdrive.identification.result import Curve, JointEvidence, Samples
 from backdrive.identification.signals import SLOW, prepare
@@ -351,8 +351,7 @@ GOOD = [0.5, 3.0, 5.0, 3.0, 5.0]
 )
 def test_remarks_on_a_motion(terms, values, more, both, words):
     choice = choice_of(terms, values, **more)
-    found = as_friction(choice, choice.coefficients, Joint(name="x"), (-2.0, 2.0))
-    got = with_warnings(found, choice, both).warnings
+    got = warnings_of(choice, Joint(name="x"), both)
     assert len(got) == len(words) and all(w in g for w, g in zip(words, got, strict=True))
 
 

@@ -39,7 +39,7 @@ from backdrive.identification.motion_bins import (
     slowest_sliding,
 )
 from backdrive.identification.motion_crossings import slip_at_crossings, with_crossings
-from backdrive.identification.motion_friction import as_friction, with_warnings
+from backdrive.identification.motion_friction import as_friction, warnings_of
 from backdrive.identification.path import along_path, without_gravity
 from backdrive.identification.quality import assess_both, assess_parts
 from backdrive.identification.regression import Blocks
@@ -241,8 +241,6 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     choice = missed.on(with_bends(design.offset_apart(choice)))
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
     slowest = max(curves.past_rise(friction.law, slowest), missed.seen)
-    friction = replace(friction, validity=replace(friction.validity, lowest_speed=slowest))
-    friction = with_warnings(friction, choice, both)
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
     reversals = sum(turns(s.velocity[s.moving]).size for s in stretches)
     open_ = reasons(bins, friction, stretches, slip)
@@ -263,11 +261,12 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     load = np.concatenate([s.torque - measured for s, measured, *_ in parts])
     friction = replace(
         friction,
-        warnings=(*friction.warnings, *remarks),
+        warnings=(*warnings_of(choice, about, both), *remarks),
         fitted=fitted,
         held_out=held,
         validity=replace(
             friction.validity,
+            lowest_speed=slowest,
             load=(float(load.min()), float(load.max())),
             nominal_load=float(np.abs(load).mean()),
         ),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from backdrive.identification import curves, design
@@ -52,14 +50,14 @@ def as_friction(
     )
 
 
-def with_warnings(friction: JointFriction, choice: design.Choice, both_directions: bool) -> JointFriction:
-    """Return the result with warnings on what makes it suspect."""
+def warnings_of(choice: design.Choice, joint: Joint, both_directions: bool) -> tuple[str, ...]:
+    """Return warnings on what makes a result suspect."""
     symmetric, apart = choice.candidate.form.symmetric, "offset" in choice.candidate.terms
-    warnings = sentences(
+    return sentences(
         (not both_directions, ONE_WAY_ONLY),
         (
             not symmetric and apart,
-            f"Friction at {_slowest(choice, friction.joint.unit)} was taken as equal in both directions, and the constant torque "
+            f"Friction at {_slowest(choice, joint.unit)} was taken as equal in both directions, and the constant torque "
             "that is left as an offset: the data cannot tell the two apart.",
         ),
         (
@@ -72,7 +70,6 @@ def with_warnings(friction: JointFriction, choice: design.Choice, both_direction
             f"The motion separates the terms poorly (condition number {choice.condition:.1e}).",
         ),
     )
-    return replace(friction, warnings=warnings)
 
 
 def _slowest(choice: design.Choice, unit: str) -> str:
