@@ -119,24 +119,20 @@ class DelayStretch:
 
     def change(self, delay: float, candidate: design.Candidate, coefficients: np.ndarray) -> np.ndarray:
         """Return the derivative of the means of a predicted torque by the delay [N.m/s or N/s], (n,); see `delay_slope`."""
-        whole, parts = cubic(delay * self.rate + 0.5)  # a bin ends between two samples
-        whole, weights = min(max(whole, -self.samples - 2), self.samples + 2), np.array(parts)
+        whole, weights = cubic(delay * self.rate + 0.5)  # a bin ends between two samples
+        whole = min(max(whole, -self.samples - 2), self.samples + 2)
         self._reach(abs(whole) + 3)
-        four = self.width * np.arange(self.count + 1) - whole - 2 + np.arange(4)[:, None]
-        velocity = weights @ self._velocity.take(four, mode="clip")
-        form, curve, head = (
-            candidate.form,
-            coefficients[len(candidate.terms) :],
-            candidate.spread @ coefficients,
+        first, size = self._margin - whole - 2, self.count + 1
+        velocity, motion, jerk = (
+            np.tensordot(
+                weights, np.array([x[:, first + k :: self.width][:, :size] for k in range(len(weights))]), 1
+            )
+            for x in (self._with_ends([self._velocity], self._margin), self._longer, self._jerk)
         )
-        torque = curves.basis_means(velocity, form.knots, 1) @ (
-            np.tile(curve, 2) if form.symmetric else curve
-        )
-        four += self._margin
-        for factor, row in zip(head[[0, 3, 4]], self._longer, strict=False):  # as in `head`
-            torque += factor * (weights @ row.take(four))
-        if len(self._jerk):
-            torque += head[1] * (weights @ self._jerk[0].take(four))
+        head = candidate.spread @ coefficients  # as in `head`
+        curve = coefficients[None, len(candidate.terms) :]
+        torque = curves.torques(candidate.form, curve, velocity[0], np.zeros(size, dtype=int))
+        torque += head[[0, 3, 4]][: len(motion)] @ motion + head[[1]][: len(jerk)] @ jerk
         return (torque[:-1] - torque[1:]) * (self.rate / self.width)
 
 

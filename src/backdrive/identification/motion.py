@@ -130,9 +130,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     shapes = curves.from_speed(knots, slowest)
     sections = {"": knots[list(shapes.get("5 sections", shapes["line"]))]}
     full = design.candidates(knots, sections, **given)[-1]
-    few = (
-        moves(stretches) < LEAST_MOVES
-    )  # too few data for a delay or for standard errors, so reversals are fitted too
+    made = moves(stretches)
+    few = made < LEAST_MOVES  # too few data for a delay or for standard errors, so reversals are fitted too
     seconds = BIN_TIME if few else bin_time(stretches, smooth.cutoff)
     allowed = {name: knots[list(keep)] for name, keep in curves.of_law(law, shapes).items()}
     slow = float(SLOW * (slower_way if both else top))
@@ -243,7 +242,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slowest = max(curves.past_rise(friction.law, slowest), missed.seen)
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
     reversals = sum(turns(s.velocity[s.moving]).size for s in stretches)
-    open_ = reasons(bins, friction, stretches, slip)
+    open_ = reasons(bins, friction, made, slip)
     del bins
     remarks = sentences(
         (smooth.warning, smooth.warning),
@@ -322,10 +321,17 @@ def _simplest(
     return candidate, loss, bins, blocks, slowest
 
 
-def reasons(bins: Bins, friction: JointFriction, stretches: Sequence[Signals], slip: Slip) -> tuple[str, ...]:
-    """Return the reasons why standard errors are unknown; empty if they are known."""
+def reasons(bins: Bins, friction: JointFriction, count: int, slip: Slip) -> tuple[str, ...]:
+    """Return the reasons why standard errors are unknown; empty if they are known.
+
+    Args:
+        bins: that were fitted.
+        friction: the result.
+        count: number of moves.
+        slip: the delay.
+    """
     unknowns = len(friction.standard_errors) + len(friction.dynamics)
-    freedom, count, error = int(np.count_nonzero(bins.used)) - unknowns, moves(stretches), slip.error
+    freedom, error = int(np.count_nonzero(bins.used)) - unknowns, slip.error
     if "time_slip" in friction.dynamics:
         error = max(error, friction.dynamics["time_slip"].standard_error)
     late = (
