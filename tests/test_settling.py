@@ -9,6 +9,8 @@ import pytest
 from scipy.signal import lfilter
 
 from backdrive.identification.motion import identify_motion
+from backdrive.identification.motion_bins import Bins
+from backdrive.identification.settling import SURE, _by_residual
 from backdrive.identification.signals import prepare, turns, way_since_reversal
 from backdrive.logs.filters import low_pass
 from backdrive.logs.log import Joint, Log
@@ -158,3 +160,22 @@ def test_a_ripple_over_the_position_is_no_build_up(seed):
     )
     at = np.array([-0.8, -0.3, 0.3, 0.8]) * float(np.quantile(np.abs(v), 0.999))
     assert friction.law.torque(at) == pytest.approx(1.5 * np.sign(at) + 0.8 * at, rel=0.03)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.15])
+def test_what_a_band_would_explain_is_told_by_the_residual(late):
+    """As by a fit with the band among its columns, without that fit."""
+    rng, n = np.random.default_rng(5), 2000
+    X = np.column_stack([rng.standard_normal((n, 3)), np.sign(rng.standard_normal(n))])
+    band = X[:, 3] * (rng.uniform(size=n) < 0.05)
+    used = rng.uniform(size=n) < 0.9
+    y = X @ [1.0, -2.0, 0.5, 3.0] - late * band + 0.3 * rng.standard_normal(n)
+    bins = Bins(X=X, y=y, used=used, speed=np.ones(n), blocks=8)
+    both = np.column_stack([X, band])[used]
+    theta, power = np.linalg.lstsq(both, y[used], rcond=None)[:2]
+    error = np.sqrt(power[0] / (used.sum() - 5) * np.linalg.inv(both.T @ both)[-1, -1])
+    left = y - X @ np.linalg.lstsq(X[used], y[used], rcond=None)[0]
+    left[~used] = np.nan
+    got = _by_residual(bins, left, band)
+    assert got == pytest.approx(theta[-1] / error, rel=0.05, abs=0.05)
+    assert (got < -SURE) == (late > 0.0)

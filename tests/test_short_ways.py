@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from backdrive.identification.projection import inverse_of, orthonormal
-from backdrive.identification.waves import waves_at
-from backdrive.logs.health._motion import running
+from backdrive.identification.residual import TURN
+from backdrive.identification.waves import sums_by_place, waves_at
+from backdrive.logs.health._motion import _first, _skip, running, sparse
 from backdrive.logs.quantiles import at_rank, median, quantile
 from backdrive.logs.readers import npz
 
@@ -94,3 +95,52 @@ def test_a_header_is_read_as_numpy_reads_it(value):
     wanted = np.lib.format.read_array_header_1_0(file)
     file.seek(at)
     assert npz._header(file, version) == wanted
+
+
+@pytest.mark.parametrize("width", [0.05, 0.4, 1e-9])
+def test_rows_at_the_same_place_are_added(width):
+    rng = np.random.default_rng(8)
+    position, series = rng.uniform(-1.0, 2.0, 500), rng.standard_normal((500, 3))
+    places, sums = sums_by_place(position, series, width)
+    if width < 1e-6:  # as many intervals as positions
+        assert places is position and sums is series
+        return
+    cell = np.floor((position - position.min()) / width).astype(int)
+    assert np.array_equal(np.unique(cell).size, places.size)
+    for k, one in enumerate(np.unique(cell)):
+        assert places[k] == pytest.approx(position[cell == one].mean())
+        assert sums[k] == pytest.approx(series[cell == one].sum(axis=0))
+
+
+@pytest.mark.parametrize("count", [3, 17, 60])
+def test_the_best_wave_is_that_of_all_positions(count):
+    """The search adds means at nearly the same place; brute force does not."""
+    rng, n = np.random.default_rng(count), 3000
+    position = 1.2 * np.sin(np.linspace(0.0, 60.0, n))
+    wave = 2.0 * np.pi * count / np.ptp(position)
+    error = 0.3 * np.sin(wave * position + 0.4) + rng.standard_normal(n)
+    tried = wave * np.linspace(0.8, 1.2, 161)
+    turn = TURN / tried[-1]
+    places, sums = sums_by_place(position, np.column_stack([error, np.ones(n)]), turn)
+    exact, fast = (
+        [np.abs(np.exp(1j * w * x) @ e) for w in tried] for x, e in ((position, error), (places, sums[:, 0]))
+    )
+    assert np.argmax(fast) == np.argmax(exact)
+    assert max(fast) == pytest.approx(max(exact), rel=0.03)
+
+
+@pytest.mark.parametrize("width", [3, 7, 15, 31, 61, 301])
+@pytest.mark.parametrize("reach", [0, 7, 20])
+def test_means_of_some_samples_are_those_of_all(width, reach):
+    rng = np.random.default_rng(width + reach)
+    smooth = running(rng.standard_normal(30 * width + 2 * reach + 500), max(width // 3, 1) | 1)
+    x = np.array([smooth, np.sign(np.sin(np.arange(smooth.size) / (2.0 * width)))])
+    skip = _skip(width)
+    assert width // 2 % skip == 0 and (skip > 1 or width < 31)
+    every = sparse(x, width, reach)
+    some = sparse(x[:, _first(width, reach, skip) % skip :: skip], width, reach, skip, x.shape[1])
+    assert some.shape == every.shape
+    assert some[0] == pytest.approx(every[0], abs=0.01 * smooth.std())
+    assert some[1] == pytest.approx(every[1], abs=0.8 * skip / width if skip > 1 else 1e-12)  # where it jumps
+    whole = np.array([running(row, width) for row in x])[:, reach : x.shape[1] - 3 * (width - 1) - reach]
+    assert every == pytest.approx(whole[:, :: width // 2], abs=1e-9)

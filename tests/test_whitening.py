@@ -189,3 +189,14 @@ def test_clipping_hides_no_correlation(correlation):
     noise = lfilter([1.0], [1.0, -correlation], rng.standard_normal(n))
     found = colour_of(noise, np.ones(n, dtype=bool), np.ones((n, 1)))
     assert found.correlation == pytest.approx(correlation, abs=0.003)
+
+
+def test_a_correlation_below_its_standard_error_is_none():
+    n, used, level = 2500, np.ones(2500, dtype=bool), np.ones((2500, 1))
+    for _ in range(20):
+        x = lfilter([1.0], [1.0, -0.02], RNG.standard_normal(n))
+        large = 1.345 * 1.4826 * np.median(np.abs(x))
+        clipped = np.clip(x, -large, large)
+        correlation = (clipped[1:] @ clipped[:-1]) / (clipped @ clipped)
+        if abs(correlation - 0.95 / np.sqrt(n)) > 0.1 / np.sqrt(n):  # clipping hides up to a twentieth
+            assert (colour_of(x, used, level) == WHITE) == (correlation < 0.95 / np.sqrt(n))

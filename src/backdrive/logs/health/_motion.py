@@ -289,7 +289,8 @@ def _first(width: int, reach: int, skip: int) -> int:
 def _skip(width: int) -> int:
     """Return the distance of the samples that tell what three running means of a width leave, a divisor of half of it [sample].
 
-    With a sixth of the width, what folds back is below a thousandth of what was there.
+    With a sixth of the width, what folds back is below a thousandth of what was there; a sign jumps up to half the distance early
+    or late.
     """
     return max(k for k in range(1, max(width // 6, 1) + 1) if width // 2 % k == 0)
 

@@ -1,0 +1,60 @@
+"""The change of a torque with the delay of its motion is that between two delays."""
+
+import numpy as np
+import pytest
+
+from backdrive.identification import curves, design
+from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
+from backdrive.identification.delay_slope import NEAR, bins_near, change_with_delay
+from backdrive.identification.slip import fit
+from test_delay_bins import RATE, stretch
+
+KNOTS = 3.0 * np.array(curves.SHARES)
+
+
+def option(symmetric: bool, *more: str) -> design.Candidate:
+    given = {"dynamic": True, "gravity": True, "model_torque": False, "both_directions": True}
+    made = design.candidates(KNOTS, {"some": KNOTS[[0, 6, 10]]}, symmetric=symmetric, **given)[-1]
+    for term in more:
+        made = made.with_term(term)
+    return made
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.0007, -0.0013, 0.033, -0.31])
+@pytest.mark.parametrize("symmetric", [True, False])
+@pytest.mark.parametrize("position", [True, False])
+def test_the_change_is_that_between_two_delays(delay, symmetric, position):
+    s = stretch() if position else stretch(position=None)
+    along, one = (
+        [DelayStretch(s, 0.02), DelayStretch(s.rows(slice(0, 1500)), 0.02)],
+        option(symmetric, "jerk"),
+    )
+    theta = np.random.default_rng(1).uniform(0.5, 2.0, one.size)
+    apart = 0.05 / RATE
+    before, after = (bins_at_delay(along, delay + sign * apart, KNOTS, one) for sign in (-1, 1))
+    if not position:  # there is no gravity without one
+        gravity = [k for k, term in enumerate(one.terms) if term.startswith("gravity")]
+        assert not before.X[:, gravity].any()
+    wanted = (after.X - before.X) @ theta / (2.0 * apart)
+    off = (change_with_delay(along, delay, one, theta) - wanted)[before.used]
+    assert np.sqrt(np.mean(off**2)) < 0.01 * np.sqrt(np.mean(wanted[before.used] ** 2))
+
+
+@pytest.mark.parametrize("change", [NEAR / RATE, -NEAR / RATE])
+def test_bins_of_a_near_delay_give_its_fits(change):
+    along, one, at = [DelayStretch(stretch(), 0.02)], option(True), 0.0006
+    bins, other = (bins_at_delay(along, delay, KNOTS) for delay in (at, at + change))
+    begin = fit(bins.map_columns(one.spread))
+    near = bins_near(bins, at, at + change, along, one, begin)
+    assert near is not None and near.X is bins.X
+    wanted, got, before = (fit(x.map_columns(one.spread)) for x in (other, near, bins))
+    assert np.abs(got - wanted).max() < 0.02 * np.abs(before - wanted).max()
+
+
+def test_bins_of_a_far_delay_or_another_mask_are_not_at_hand():
+    along, one = [DelayStretch(stretch(), 0.02)], option(True)
+    bins = bins_at_delay(along, 0.0, KNOTS)
+    theta = fit(bins.map_columns(one.spread))
+    assert bins_near(bins, 0.0, 1.1 * NEAR / RATE, along, one, theta) is None
+    for at, delay in ((0.49, 0.51), (-0.51, -0.49)):  # sliding moves by whole samples
+        assert bins_near(bins, at / RATE, delay / RATE, along, one, theta) is None
