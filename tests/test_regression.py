@@ -162,3 +162,29 @@ def test_a_column_of_one_block_alone_is_left_out_with_it():
     assert whole == pytest.approx([1.0, -2.0, 3.0], abs=0.05)
     assert without[:, :2] == pytest.approx(np.tile([1.0, -2.0], (8, 1)), abs=0.05)
     assert abs(without[5, 2]) < 10.0 and np.delete(without[:, 2], 5) == pytest.approx(3.0, abs=0.1)
+
+
+def test_equations_without_some_rows_are_those_of_the_others():
+    rng, n = np.random.default_rng(11), 400
+    X, y, w = rng.standard_normal((n, 3)), rng.standard_normal(n), rng.uniform(0.1, 1.0, n)
+    block = regression.block_index(n, 8)
+    out = (rng.uniform(size=n) < 0.3) | (block == 2)  # nothing is left of one block
+    whole = regression.accumulate(X, y, w, block, 8)
+    left = whole.less(regression.accumulate_rows(X, y, w[out], np.flatnonzero(out), block, 8))
+    wanted = regression.accumulate(X, y, w * ~out, block, 8)
+    for name in ("gram", "moment", "power"):
+        assert getattr(left, name) == pytest.approx(getattr(wanted, name), abs=1e-12)
+    assert left.rows == pytest.approx(wanted.rows) and left.rows[2] == 0.0
+
+
+def test_robust_equations_are_those_of_the_robust_weights():
+    rng, n = np.random.default_rng(12), 400
+    X = rng.standard_normal((n, 3))
+    y = X @ [1.0, 2.0, 3.0] + rng.standard_t(2.0, n)
+    block, w = regression.block_index(n, 8), (rng.uniform(size=n) < 0.8).astype(float)
+    blocks, weights = robust.robust_blocks(X, y, w, block, 8)
+    assert weights == pytest.approx(robust.robust_weights(X, y, w), abs=1e-9)
+    assert weights.min() == 0.0 and 0.0 < weights[w > 0].min() < 1.0
+    wanted = regression.accumulate(X, y, weights, block, 8)
+    assert blocks.gram == pytest.approx(wanted.gram) and blocks.moment == pytest.approx(wanted.moment)
+    assert blocks.power == pytest.approx(wanted.power) and blocks.rows == pytest.approx(wanted.rows)

@@ -306,13 +306,15 @@ def _simplest(
         start: coefficients of a similar fit of all columns, which save repetitions, (p,); None: there is none.
     """
     bins, (slowest, slow) = raw.whiten(colour), speeds
-    blocks = bins.equations(start)
+    blocks, weights = bins.equations_and_weights(start)
     candidate, loss = design.simplest(blocks, options)
     if candidate.form.knots[0] == 0.0 and slow > 0.0:
         lines = [option for option in options if option.form.knots[0] == 0.0]
+        of_faster = blocks.less(bins.slower(slow, weights))
         del bins  # two of them at once fill the memory
         bins = raw.faster(slow).whiten(colour)
-        of_faster = bins.equations(blocks.solution())
+        if colour != WHITE:  # whitening joins other bins
+            of_faster = bins.equations(blocks.solution())
         try:
             candidate, loss = design.simplest(of_faster, lines)
             blocks, slowest = of_faster, max(slowest, slow)

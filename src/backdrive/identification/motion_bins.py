@@ -56,6 +56,11 @@ class Bins:
         """Return the same bins, of which only those at a speed [rad/s or m/s] or above are used."""
         return replace(self, used=self.used & (self.speed >= speed))
 
+    def slower(self, speed: float, weights: np.ndarray) -> regression.Blocks:
+        """Return the normal equations of the used bins below a speed [rad/s or m/s], given the weight of each bin, (n,)."""
+        at = np.flatnonzero(self.used & (self.speed < speed))
+        return regression.accumulate_rows(self.X, self.y, weights[at], at, self.block, self.blocks)
+
     def slowest(self, count: float) -> float:
         """Return the speed below which so many used bins lie, at most half of them [rad/s or m/s]; 0 without any."""
         speeds = self.speed[self.used]
@@ -106,10 +111,19 @@ class Bins:
             start: coefficients of a similar fit, which save repetitions, (p,).
             rounds: largest number of repetitions.
         """
-        block = regression.block_index(len(self.y), self.blocks)
-        return robust.robust_blocks(
-            self.X, self.y, self.used.astype(float), block, self.blocks, rounds, start
-        )
+        return self.equations_and_weights(start, rounds)[0]
+
+    def equations_and_weights(
+        self, start: np.ndarray | None = None, rounds: int = robust.MANY
+    ) -> tuple[regression.Blocks, np.ndarray]:
+        """Return the result of `equations`, and the weights, (n,)."""
+        used = self.used.astype(float)
+        return robust.robust_blocks(self.X, self.y, used, self.block, self.blocks, rounds, start)
+
+    @property
+    def block(self) -> np.ndarray:
+        """Index of the block of each bin, (n,)."""
+        return regression.block_index(len(self.y), self.blocks)
 
     def sandwich(self, theta: np.ndarray) -> np.ndarray:
         """Return the covariance of a robust fit from the scatter of the scores of neighbouring samples' blocks, (p, p).
@@ -120,7 +134,7 @@ class Bins:
         residual = self.y - self.X @ theta
         width = robust.HUBER * robust.robust_spread(residual[self.used]) or np.inf  # without noise, all count
         weight = self.used * robust.huber_weights(residual, width)
-        first = np.flatnonzero(np.diff(regression.block_index(len(self.y), self.blocks), prepend=-1))
+        first = np.flatnonzero(np.diff(self.block, prepend=-1))
         weighted = self.X * weight[:, None]
         scores = np.add.reduceat(weighted * residual[:, None], first)[np.add.reduceat(weight, first) > 0.0]
         return regression.cluster_covariance(regression.invert(weighted.T @ self.X), scores)

@@ -48,6 +48,16 @@ class Blocks:
             gram=spread.T @ self.gram @ spread, moment=self.moment @ spread, power=self.power, rows=self.rows
         )
 
+    def less(self, other: Blocks) -> Blocks:
+        """Return the equations without those of some of their samples."""
+        rows = self.rows - other.rows
+        return Blocks(
+            gram=self.gram - other.gram,
+            moment=self.moment - other.moment,
+            power=self.power - other.power,
+            rows=np.where(rows > EMPTY * self.rows, rows, 0.0),
+        )
+
     def without_noise(self, noise: float) -> Blocks:
         """Return the equations with the noise of the first column subtracted, since it biases the coefficient towards zero.
 
@@ -61,6 +71,7 @@ class Blocks:
         return replace(self, gram=gram)
 
 
+EMPTY = 1e-12  # share of the weight of a block below which rounding left it [-]
 PIECE = 4096  # number of rows that are multiplied together
 RIDGE = 1e-13  # ridge weight in scaled normal equations, which keeps undetermined directions small [-]
 
@@ -112,6 +123,13 @@ def accumulate(X: np.ndarray, y: np.ndarray, w: np.ndarray, block: np.ndarray, b
         np.matmul(part.T, part, out=whole[b])
     gram, moment = np.ascontiguousarray(whole[:, :p, :p]), whole[:, :p, p].copy()
     return Blocks(gram=gram, moment=moment, power=whole[:, p, p].copy(), rows=np.bincount(block, w, blocks))
+
+
+def accumulate_rows(
+    X: np.ndarray, y: np.ndarray, w: np.ndarray, rows: np.ndarray, block: np.ndarray, blocks: int
+) -> Blocks:
+    """Return the normal equations of some rows (m,) by block, with weights (m,); other arguments as of `accumulate`."""
+    return accumulate(X.take(rows, axis=0), y.take(rows), w, block.take(rows), blocks)
 
 
 def block_losses(blocks: Blocks, theta: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
 
-from backdrive.identification.regression import PIECE, RIDGE, Blocks, accumulate
+from backdrive.identification.regression import PIECE, RIDGE, Blocks, accumulate, accumulate_rows
 from backdrive.logs.quantiles import at_rank
 
 HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
@@ -66,17 +66,13 @@ def robust_blocks(
     blocks: int,
     rounds: int = MANY,
     start: np.ndarray | None = None,
-) -> Blocks:
-    """Return the normal equations by block with `robust_weights`; arguments as of `accumulate` and `robust_solution`."""
+) -> tuple[Blocks, np.ndarray]:
+    """Return the normal equations by block with `robust_weights`, and these; arguments as of `accumulate` and `robust_solution`."""
     every = accumulate(X, y, w, block, blocks)
     lighter, lost, _ = _reweigh(X, y, w, rounds, start, every.whole)
-    less = accumulate(X.take(lighter, axis=0), y.take(lighter), lost, block.take(lighter), blocks)
-    return Blocks(
-        gram=every.gram - less.gram,
-        moment=every.moment - less.moment,
-        power=every.power - less.power,
-        rows=every.rows - less.rows,
-    )
+    weights = w.copy()
+    weights[lighter] -= lost
+    return every.less(accumulate_rows(X, y, lost, lighter, block, blocks)), weights
 
 
 def robust_solution(
