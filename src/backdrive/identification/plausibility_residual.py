@@ -205,7 +205,7 @@ def structure(case: Case) -> Remark | None:
     differs = f"Inertia or gravity differs between the logs, by {share}: another load."
     if loads := _by_log(case, res):
         causes.append((loads, differs))
-    explained = res.explain_each(*(columns for columns, _ in causes))
+    explained = res.explain_each(*(columns for columns, _ in causes), smallest=STRUCTURE * size)
     highest = {changes: OF_CHANGE, follows_load: CHANCE, differs: CHANCE, bent: CHANCE}
     least = STRUCTURE * size
     tests = [

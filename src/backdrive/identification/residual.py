@@ -167,23 +167,25 @@ class Residual:
         return np.arange(0, self.time.size, max(round(BLOCK / self.period), 1))
 
     def explain_each(
-        self, *groups: Sequence[np.ndarray] | np.ndarray, least: float = 0.0
+        self, *groups: Sequence[np.ndarray] | np.ndarray, least: float = 0.0, smallest: float = 0.0
     ) -> list[Explanation | None]:
         """Return the explanation by each group of columns beside the single-axis ones; None if the data do not suffice.
 
         Args:
             groups: columns, one value per mean, (n,) each.
             least: part beyond other dynamics below which there is no test, and the result is None [N.m or N].
+            smallest: what a column alone explains, below which likewise [N.m or N].
         """
         whole = np.array([column for group in groups for column in group])
         apart, at = whole - (whole @ self._basis) @ self._basis.T, 0
         size, beyond = (np.sqrt(np.einsum("kn,kn->k", x, x)) for x in (whole, apart))
-        separate, results = (beyond > APART * size).tolist(), list[Explanation | None]()
+        separate = beyond > APART * size  # else the motion does not tell them from the other terms
+        alone = np.abs(apart @ self._error_apart) * size > smallest * beyond**2 * math.sqrt(self.time.size)
+        worth, results = (separate & alone).tolist(), list[Explanation | None]()
         for group in groups:
-            rows = slice(
-                at, at := at + len(group)
-            )  # without separation, the motion does not tell them from the other terms
-            usable = self._blocks.size - len(group) >= FEWEST_BLOCKS and all(separate[rows])
+            rows = slice(at, at := at + len(group))
+            usable = all((separate if len(group) > 1 else worth)[rows])
+            usable = usable and self._blocks.size - len(group) >= FEWEST_BLOCKS
             results.append(self._test(whole[rows], apart[rows], least) if usable else None)
         return results
 
