@@ -206,7 +206,6 @@ def bin_means(
     seconds: float = BIN_TIME,
     reversals: bool = False,
     filled: float = FILLED,
-    spread: np.ndarray | None = None,
 ) -> Bins:
     """Return the means over bins, with those marked in which the joint slides.
 
@@ -217,7 +216,6 @@ def bin_means(
         seconds: length of a bin [s].
         reversals: count reversals and slow motion as sliding.
         filled: least share of sliding samples in a used bin [-].
-        spread: matrix by which the regressor is multiplied, as in `Bins.map_columns`; None: all columns.
 
     Raises:
         NotIdentifiable: all stretches are shorter than a bin.
@@ -236,7 +234,6 @@ def bin_means(
             n = min(per_chunk, count - first)
             rows = slice(first * width, (first + n) * width)
             part = means(s, knots, rows, width)
-            part = part if spread is None else part @ spread
             if not done:
                 X = np.empty((total, part.shape[1]))
             into = slice(done, done + n)
