@@ -1,5 +1,7 @@
 """The change of a torque with the delay of its motion is that between two delays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,16 @@ def test_bins_of_a_near_delay_give_its_fits(change):
     assert near is not None and near.X is bins.X
     wanted, got, before = (fit(x.map_columns(one.spread)) for x in (other, near, bins))
     assert np.abs(got - wanted).max() < 0.02 * np.abs(before - wanted).max()
+
+
+def test_bins_with_another_torque_keep_the_sums_of_their_columns():
+    bins = bins_at_delay([DelayStretch(stretch(), 0.02)], 0.0, KNOTS)
+    y = np.random.default_rng(2).standard_normal(bins.y.size)
+    assert "every" not in vars(bins.with_torque(y))
+    gram = bins.every.gram
+    made, fresh = bins.with_torque(y), replace(bins, y=y).every
+    assert vars(made)["every"].gram is gram and made.every.rows == pytest.approx(fresh.rows)
+    assert made.every.moment == pytest.approx(fresh.moment) and made.every.power == pytest.approx(fresh.power)
 
 
 def test_bins_of_a_far_delay_or_another_mask_are_not_at_hand():

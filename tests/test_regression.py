@@ -182,7 +182,7 @@ def test_robust_equations_are_those_of_the_robust_weights():
     X = rng.standard_normal((n, 3))
     y = X @ [1.0, 2.0, 3.0] + rng.standard_t(2.0, n)
     block, w = regression.block_index(n, 8), (rng.uniform(size=n) < 0.8).astype(float)
-    blocks, weights = robust.robust_blocks(X, y, w, block, 8)
+    blocks, weights = robust.robust_blocks(X, y, w, block, regression.accumulate(X, y, w, block, 8))
     assert weights == pytest.approx(robust.robust_weights(X, y, w), abs=1e-9)
     assert weights.min() == 0.0 and 0.0 < weights[w > 0].min() < 1.0
     wanted = regression.accumulate(X, y, weights, block, 8)

@@ -7,7 +7,6 @@ small change of the delay, that is all that changes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -58,7 +57,7 @@ def bins_near(
     rate = stretches[0].rate
     if abs(delay - at) * rate > NEAR or round(delay * rate) != round(at * rate):
         return None
-    return replace(bins, y=bins.y - (delay - at) * change_with_delay(stretches, at, candidate, theta))
+    return bins.with_torque(bins.y - (delay - at) * change_with_delay(stretches, at, candidate, theta))
 
 
 def response_by_one(bins: Bins, theta: np.ndarray, inertia: int, jerk: int, seconds: float) -> float:

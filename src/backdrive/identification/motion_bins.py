@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -117,8 +118,23 @@ class Bins:
         self, start: np.ndarray | None = None, rounds: int = robust.MANY
     ) -> tuple[regression.Blocks, np.ndarray]:
         """Return the result of `equations`, and the weights, (n,)."""
-        used = self.used.astype(float)
-        return robust.robust_blocks(self.X, self.y, used, self.block, self.blocks, rounds, start)
+        return robust.robust_blocks(
+            self.X, self.y, self.used.astype(float), self.block, self.every, rounds, start
+        )
+
+    @cached_property
+    def every(self) -> regression.Blocks:
+        """The normal equations of all columns and used bins, by block."""
+        return regression.accumulate(self.X, self.y, self.used.astype(float), self.block, self.blocks)
+
+    def with_torque(self, y: np.ndarray) -> Bins:
+        """Return the same bins with another torque (n,); products of columns that are known stay."""
+        made = replace(self, y=y)
+        if (known := vars(self).get("every")) is not None:
+            first, used = np.flatnonzero(np.diff(self.block, prepend=-1)), y * self.used
+            sums = np.add.reduceat(np.column_stack([self.X * used[:, None], used * y]), first, axis=0)
+            vars(made)["every"] = replace(known, moment=sums[:, :-1], power=sums[:, -1])
+        return made
 
     @property
     def block(self) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg.lapack import dposv  # type: ignore[attr-defined]
 
-from backdrive.identification.regression import PIECE, RIDGE, Blocks, accumulate, accumulate_rows
+from backdrive.identification.regression import PIECE, RIDGE, Blocks, accumulate_rows
 from backdrive.logs.quantiles import at_rank
 
 HUBER = 1.345  # width of Huber's loss, for 95 % efficiency with normal residuals [standard deviation]
@@ -63,16 +63,18 @@ def robust_blocks(
     y: np.ndarray,
     w: np.ndarray,
     block: np.ndarray,
-    blocks: int,
+    every: Blocks,
     rounds: int = MANY,
     start: np.ndarray | None = None,
 ) -> tuple[Blocks, np.ndarray]:
-    """Return the normal equations by block with `robust_weights`, and these; arguments as of `accumulate` and `robust_solution`."""
-    every = accumulate(X, y, w, block, blocks)
+    """Return the normal equations by block with `robust_weights`, and these; arguments as of `accumulate` and `robust_solution`.
+
+    `every` holds the equations with `w`.
+    """
     lighter, lost, _ = _reweigh(X, y, w, rounds, start, every.whole)
     weights = w.copy()
     weights[lighter] -= lost
-    return every.less(accumulate_rows(X, y, lost, lighter, block, blocks)), weights
+    return every.less(accumulate_rows(X, y, lost, lighter, block, len(every.rows))), weights
 
 
 def robust_solution(
