@@ -6,6 +6,7 @@ weights, and sine and cosine of a position are interpolated like the position. O
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from copy import copy
 
@@ -119,14 +120,16 @@ class DelayStretch:
 
     def change(self, delay: float, candidate: design.Candidate, coefficients: np.ndarray) -> np.ndarray:
         """Return the derivative of the means of a predicted torque by the delay [N.m/s or N/s], (n,); see `delay_slope`."""
-        whole, weights = cubic(delay * self.rate + 0.5)  # a bin ends between two samples
-        whole = min(max(whole, -self.samples - 2), self.samples + 2)
+        samples = (
+            min(max(delay * self.rate, -self.samples - 2.0), self.samples + 2.0) + 0.5
+        )  # a bin ends between two
+        whole = math.floor(samples)
+        weights = samples - whole, 1.0 - (samples - whole)
         self._reach(abs(whole) + 3)
-        first, size = self._margin - whole - 2, self.count + 1
+        first, size = self._margin - whole - 1, self.count + 1
         velocity, motion, jerk = (
-            np.tensordot(
-                weights, np.array([x[:, first + k :: self.width][:, :size] for k in range(len(weights))]), 1
-            )
+            weights[0] * x[:, first :: self.width][:, :size]
+            + weights[1] * x[:, first + 1 :: self.width][:, :size]
             for x in (self._with_ends([self._velocity], self._margin), self._longer, self._jerk)
         )
         head = candidate.spread @ coefficients  # as in `head`
