@@ -126,6 +126,28 @@ def test_the_motion_of_another_joint_explains_torque(sound):
     assert not any("wrist" in s for s in identify(alone, method="motion").model.joints[0].warnings)
 
 
+@pytest.mark.parametrize("hertz", [0.7, 5.0])
+def test_a_small_pull_of_another_joint_is_told_but_not_sought_in_noise(sound, hertz, monkeypatch):
+    w, t = 2.0 * np.pi * hertz, sound.time[:, None]
+    position, own = 0.3 * np.sin(w * t), dry(0.3 * w * np.cos(w * t))
+    torque = sound.need("torque")
+    noise = 0.25 * np.random.default_rng(5).standard_normal(
+        torque.shape
+    )  # 0.11 N.m of a mean, 1.7 % of the friction
+    pull = 0.02 * np.abs(dry(np.gradient(sound.need("position")[:, 0], sound.period))).mean()
+    both = Log(
+        time=sound.time,
+        joints=(*sound.joints, Joint(name="wrist")),
+        position=np.hstack([sound.need("position"), position]),
+        torque=np.hstack([torque + noise - pull * np.sqrt(2.0) * np.sin(w * t), own]),
+    )
+    told = identify(both, method="motion").model.joints[0].warnings
+    assert any("of joint 'wrist'" in sentence for sentence in told)
+    monkeypatch.setattr(residual_rules, "other_joints", lambda case: pytest.fail("it is costly"))
+    alone = both.replace(torque=np.hstack([torque + noise, own]))
+    assert not any("wrist" in s for s in identify(alone, method="motion").model.joints[0].warnings)
+
+
 @pytest.mark.parametrize(
     ("options", "advice"),
     [({"method": "motion", "law": "coulomb-viscous"}, "polyline"), ({"law": "coulomb-viscous"}, "auto")],

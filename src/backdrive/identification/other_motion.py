@@ -35,8 +35,8 @@ class OtherMotion:
             series = np.full((3, res.time.size), np.nan)
             for rows, k, at, share in places:
                 motion = self._of(k, column)
-                before = motion[:, at]
-                series[:, rows] = before + share * (motion[:, at + 1] - before)
+                before = motion.take(at, axis=1)
+                series[:, rows] = before + share * (motion.take(at + 1, axis=1) - before)
             if np.isfinite(series).all() and np.any(series[1]):
                 yield about, series
 

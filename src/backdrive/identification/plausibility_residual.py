@@ -22,6 +22,10 @@ from backdrive.logs import filters
 
 CHANCE = 1e-5  # largest probability that noise explains as much as a reported cause [-]
 OF_CHANGE = 1e-3  # the same for a change of the friction over the log, which coloured noise hides [-]
+OF_OTHERS = (
+    0.03  # time over which the residual is averaged before the motion of other joints is looked at [s]
+)
+KEPT = 0.8  # least share of what that motion explains that is then left [-]
 STRUCTURE = 0.015  # least explained residual with a remark, relative to the friction [-]
 GRAVE = 0.25  # explained residual above which the grade is lowered, relative to the friction [-]
 MOST = (
@@ -222,9 +226,9 @@ def structure(case: Case) -> Remark | None:
         (of_torque, f"Torque follows the position {wave}, by {share}: cogging, or a gear's ripple."),
         (of_friction, f"Friction follows the position {wave}, by {share}."),
     ]
-    if (
-        float(np.sqrt(np.mean(res.torque_error**2))) > STRUCTURE * size
-    ):  # the motion of other joints is costly to evaluate
+    # the motion of other joints is slow, and costly to evaluate
+    slow = filters.means(res.torque_error, max(round(OF_OTHERS / res.period), 1))
+    if slow.size and float(np.sqrt(np.mean(slow**2))) > KEPT * STRUCTURE * size:
         for groups in other_joints(case):
             pulls = res.explain_each(*(rows for rows, _ in groups), least=STRUCTURE * size)
             tests += [  # only the part that this joint's own motion does not explain counts as coupling
