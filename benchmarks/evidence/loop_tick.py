@@ -75,8 +75,8 @@ def ticking(judge: Judge, calls: int) -> dict:
     for name, values in result.items():
         print(f"  {name:8s} {calls} times [us]: " + ", ".join(f"{p} %: {v:.2f}" for p, v in values.items()))
     judge.that("the loop is at work", bool(np.all(loop.codes == 0) and np.abs(loop.torque).max() > 3.0))
-    judge.at_most("six joints, compensator + estimator + filter, median", result["tick"]["50"], 3.0, "us")
-    judge.at_most("six joints, compensator + estimator + filter, 99 %", result["tick"]["99"], 15.0, "us")
+    judge.at_most("six joints, compensator + estimator + filter, median", result["tick"]["50"], 2.0, "us")
+    judge.at_most("six joints, compensator + estimator + filter, 99 %", result["tick"]["99"], 4.0, "us")
     return result
 
 
