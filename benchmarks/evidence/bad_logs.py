@@ -23,11 +23,12 @@ from _clean_logs import Clean, clean_log
 from _common import Judge, first_seed, parser
 from _log_faults import FAULTS, Fault
 from _sample_faults import Planted
+from scipy import stats
 
 from backdrive.logs.health import CHECKS, Finding, check
 
 FOUND, FALSE, MINUTES = 0.99, 0.005, 10.0
-CHANCE = 3.0  # standard deviations of a count, by which it may lie below its share
+CHANCE = 0.00135  # with which a count may be as low by its share: that of three standard deviations of a normal number
 
 
 def main() -> None:
@@ -145,12 +146,11 @@ def judge_faults(judge: Judge, tallies: list[Tally], planted: int) -> None:
         every >= FOUND,
     )
     for t in tallies:
-        room = CHANCE * np.sqrt(t.fault.share * (1.0 - t.fault.share) / max(t.planted, 1))
-        if t.share < t.fault.share - room:
+        if stats.binom.cdf(t.found, t.planted, t.fault.share) < CHANCE:
             judge.that(f"{t.fault.name}, {t.fault.size}: found in {100 * t.share:.1f} %", False)
     least = min(tallies, key=lambda t: t.share)
     judge.that(
-        f"each of them within {CHANCE:g} standard deviations of its share (99 % but where the table says less); least: "
+        f"each of them as often as its share tells (99 % but where the table says less), or less by chance; least: "
         f"{100 * least.share:.1f} % of {least.fault.name}, {least.fault.size}",
         not judge.short,
     )
