@@ -111,7 +111,10 @@ class Lanes:
         fastest = 0.5 * kernels.FASTEST * dt
         # so no increment is larger; a NaN is not tame; laws without a state check each velocity, and need not read the motion twice
         asked = not all(groups.holds(kinds[1]) for kinds, *_ in self._groups)
-        tame = asked and bool(np.einsum("mn,mn", dp, dp) <= fastest * fastest)  # on one thread
+        every = dp.reshape(-1)
+        tame = asked and bool(
+            np.einsum("n,n", every, every) <= fastest * fastest
+        )  # BLAS would wake its threads
         parts = [
             (
                 self._loop(kinds, lanes, motion, tame),
