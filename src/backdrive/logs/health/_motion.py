@@ -112,14 +112,20 @@ def _pull(exam: Exam, j: int, reach: int) -> np.ndarray:
 
 def _other_joints(exam: Exam, j: int, reach: int, terms: np.ndarray, torque: np.ndarray) -> list[int]:
     """Return the columns `Motion.others`, given a joint's own terms (m, p) and its torque (m,)."""
-    others = [k for k, _ in exam if k != j and _path(exam, k) is not None]
-    if len(others) <= _OTHERS:
-        return others
+    movers = [k for k, _ in exam if _path(exam, k) is not None]
+    others = np.array([k for k in movers if k != j], dtype=int)
+    if others.size <= _OTHERS:
+        return others.tolist()
     left = torque - terms @ np.linalg.solve(solvable(terms.T @ terms), terms.T @ torque)
-    along = [
-        abs(left @ a) / max(float(a @ a), 1e-300) ** 0.5 for a in (_pull(exam, k, reach) for k in others)
-    ]
-    return np.sort(np.array(others)[np.argsort(along)[-_OTHERS:]]).tolist()
+    along = np.abs(_directions(exam, tuple(movers), reach) @ left)[np.array(movers) != j]
+    return np.sort(others[np.argsort(along)[-_OTHERS:]]).tolist()
+
+
+@once
+def _directions(exam: Exam, joints: tuple[int, ...], reach: int) -> np.ndarray:
+    """Return the accelerations of joints at the instants of `motion`, of unit length, (J, m)."""
+    pulls = np.array([_pull(exam, k, reach) for k in joints])
+    return pulls / np.maximum(np.sqrt(np.einsum("jm,jm->j", pulls, pulls)), 1e-150)[:, None]
 
 
 @once
