@@ -53,7 +53,7 @@ def signals(n: int, joints: int = 1, seed: int = 0) -> tuple[np.ndarray, np.ndar
 
 
 def cost(what: str, size: int) -> float:
-    """Return the processor seconds of one kind of work of one size, the least of some runs."""
+    """Return the processor seconds of one kind of work of one size, the median of some runs."""
     from backdrive import Log, identify, read_log
     from backdrive.engine import Lanes
     from backdrive.laws import Coulomb, Law, LuGre
@@ -70,7 +70,7 @@ def cost(what: str, size: int) -> float:
     elif kind == "report":
         result = identify(log, method="motion")
         with tempfile.TemporaryDirectory() as folder:
-            return least(lambda: result.report(Path(folder, "report.html")))
+            return usual(lambda: result.report(Path(folder, "report.html")))
     elif kind == "law fit":
         laws = (
             "stribeck-gauss" if variable == "samples" else LAWS[:size] if variable == "laws" else LAWS[size]
@@ -91,8 +91,8 @@ def cost(what: str, size: int) -> float:
             table = np.column_stack([t, q, tau])
             names = ["t", *(f"q{j}" for j in range(q.shape[1])), *(f"tau{j}" for j in range(q.shape[1]))]
             np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.9g")
-            return least(lambda: read_log(path), time.perf_counter)  # a process of its own reads
-    return least(work)
+            return usual(lambda: read_log(path), time.perf_counter)  # a process of its own reads
+    return usual(work)
 
 
 LAWS = (
@@ -107,15 +107,18 @@ LAWS = (
 )
 
 
-def least(work: Callable[[], Any], clock: Callable[[], float] = time.process_time) -> float:
-    """Return the least time of a call by a clock [s]: of three, or of as many as take half a second."""
+def usual(work: Callable[[], Any], clock: Callable[[], float] = time.process_time) -> float:
+    """Return the median time of a call by a clock [s], of three, or of as many as take a second.
+
+    The least would favour short calls: of many runs the least is lower than of three.
+    """
     work()  # compiles
     times: list[float] = []
-    while sum(times) < (5.0 if len(times) < 3 else 0.5):
+    while sum(times) < (5.0 if len(times) < 3 else 1.0):
         begun = clock()
         work()
         times.append(clock() - begun)
-    return min(times)
+    return float(np.median(times))
 
 
 def measured(what: str, sizes: Sequence[int]) -> list[float]:

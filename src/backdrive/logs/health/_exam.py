@@ -8,7 +8,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
-from backdrive.logs.health._survey import Survey, survey
+from backdrive.logs.health._survey import Survey, rows_at_once, survey
 from backdrive.logs.log import Log, check_period
 from backdrive.logs.quantiles import median, quantile
 from backdrive.logs.resolution import channel_noise, channel_step, resolution, white_noise
@@ -101,7 +101,16 @@ class Exam:
     @once
     def survey(self, channel: str) -> Survey:
         """Return the figures of a channel."""
-        return survey(self.log.channels[channel])
+        return survey(self._rows(channel).T if len(self.log) <= _SAMPLES else self.log.channels[channel])
+
+    @once
+    def _rows(self, channel: str) -> np.ndarray:
+        """Return a channel of a short log with a row a joint, contiguous, (J, n)."""
+        array = self.log.channels[channel]
+        rows, size = np.empty(array.shape[::-1]), rows_at_once(array.shape[1])
+        for start in range(0, len(array), size):  # each line of the cache is fetched once
+            rows[:, start : start + size] = array[start : start + size].T
+        return rows
 
     def usable(self, channel: str, joint: int) -> bool:
         """Return whether a joint's channel is there and finite throughout."""
@@ -110,10 +119,11 @@ class Exam:
 
     def column(self, channel: str, joint: int) -> np.ndarray:
         """Return a joint's channel, contiguous, (n,)."""
+        if len(self.log) <= _SAMPLES:
+            return self._rows(channel)[joint]
         key = (channel, joint)
         if key not in self._columns:
-            if len(self.log) > _SAMPLES:
-                self._columns.clear()  # of a long log, one column at a time
+            self._columns.clear()  # of a long log, one column at a time
             self._columns[key] = np.ascontiguousarray(self.log.channels[channel][:, joint])
         return self._columns[key]
 
