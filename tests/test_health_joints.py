@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from backdrive import Log
+from backdrive._memory import transpose
 from backdrive.logs.health import check
 from backdrive.logs.health._exam import Exam
 from backdrive.logs.health._motion import motion
@@ -37,6 +38,24 @@ def test_terms_are_those_of_the_joints_that_pull(joints):
     assert len(seen.others) == min(joints - 1, 12) and PULLED not in seen.others
     assert (PULLING in seen.others) == (joints > PULLING)
     assert seen.others == sorted(seen.others) and seen.terms.shape[1] == seen.plain + 2 + len(seen.others)
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (5, 0), (7, 1), (4096, 1), (1366, 3), (5000, 7), (100, 200)])
+def test_a_transposed_copy_is_that_of_numpy(shape):
+    x = np.arange(1.0 * shape[0] * shape[1]).reshape(shape)
+    for array in (x, np.asfortranarray(x), x[::-1], np.broadcast_to(x[:1], shape) if shape[0] else x):
+        copy = transpose(array)
+        assert copy.flags.c_contiguous and np.array_equal(copy, array.T)
+
+
+@pytest.mark.parametrize("joints", [1, 3, 40])
+def test_columns_of_an_exam_are_those_of_its_log(joints):
+    n = 3000  # more than one piece of forty joints
+    log = Log.from_arrays(time=np.arange(n) / RATE, position=np.arange(1.0 * n * joints).reshape(n, joints))
+    exam = Exam(log)
+    for j in range(joints):
+        column = exam.column("position", j)
+        assert column.flags.c_contiguous and np.array_equal(column, log.position[:, j])
 
 
 def test_a_slip_is_found_among_many_joints():

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import speed
 from _common import Judge, parser
+from growth import power
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "engine_c"))
 from c_loops import Loops
@@ -157,7 +158,7 @@ def growth(judge: Judge) -> dict:
                 run, start = made(size), time.thread_time()
                 run()
                 times[i] = min(times[i], time.thread_time() - start)
-        slope = float(np.polyfit(np.log(sizes), np.log(times), 1)[0])
+        slope = power(sizes, times)
         results[name] = {"sizes": list(sizes), "seconds": times, "slope": slope}
         judge.that(f"time grows with {name} by the power {slope:.3f} (0.9 to 1.1)", 0.9 <= slope <= 1.1)
     B = SETS

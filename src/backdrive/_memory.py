@@ -1,4 +1,4 @@
-"""Freed memory that a process keeps for its next arrays."""
+"""Freed memory that a process keeps for its next arrays, and copies in the order in which it is read."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ BY_ITSELF = 1 << 25  # size of the largest array whose memory glibc learns to ke
 MOST = 1 << 29  # size of the largest array whose memory is kept for a long log [byte]
 MOST_RESULT = 1 << 27  # size of the largest result whose memory is kept for the next one [byte]
 TIMES = 4  # size of the largest array that is made of a log, by that of one channel [-]
+PIECE, ROWS = (
+    1 << 12,
+    32,
+)  # numbers that are transposed at once, for a first-level cache, and the fewest rows [-]
 TRIM_THRESHOLD, MMAP_THRESHOLD = -1, -3  # of mallopt(3)
 
 P = ParamSpec("P")
@@ -77,6 +81,20 @@ def empty(shape: tuple[int, ...]) -> NDArray[np.float64]:
     if _kept[0] < size <= MOST_RESULT and (library := _glibc()) is not None:
         _keep(library, size + size // 8, size + BY_ITSELF)
     return np.empty(shape)
+
+
+def transpose(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return an array (n, J) with a contiguous row for each of its columns, (J, n); of a single column, which is one, a view.
+
+    A copy in pieces fetches each line of the cache once, where one of a column at a time fetches it for every column.
+    """
+    n, columns = array.shape
+    if columns == 1:
+        return np.ascontiguousarray(array.T)
+    rows, size = np.empty((columns, n)), max(PIECE // max(columns, 1), ROWS)
+    for first in range(0, n, size):
+        rows[:, first : first + size] = array[first : first + size].T
+    return rows
 
 
 def _keep(library: Any, size: int, unused: int) -> None:

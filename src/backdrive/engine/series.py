@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from backdrive._memory import empty
+from backdrive._memory import empty, transpose
 from backdrive.engine import groups, loops
 from backdrive.engine.cores import spread
 from backdrive.errors import InvalidInput, check_type
@@ -246,7 +246,7 @@ def rollout(
         temperature = np.ascontiguousarray(np.broadcast_to(warm, (joints, warm.size)))
     out = Lanes(laws).torque(
         np.tile(np.arange(joints), len(sets)),
-        np.ascontiguousarray(dp.T),
+        transpose(dp),
         dt,
         load,
         temperature,

@@ -8,7 +8,8 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
-from backdrive.logs.health._survey import Survey, rows_at_once, survey
+from backdrive._memory import transpose
+from backdrive.logs.health._survey import Survey, survey
 from backdrive.logs.log import Log, check_period
 from backdrive.logs.quantiles import median, quantile
 from backdrive.logs.resolution import channel_noise, channel_step, resolution, white_noise
@@ -105,12 +106,8 @@ class Exam:
 
     @once
     def _rows(self, channel: str) -> np.ndarray:
-        """Return a channel of a short log with a row a joint, contiguous, (J, n)."""
-        array = self.log.channels[channel]
-        rows, size = np.empty(array.shape[::-1]), rows_at_once(array.shape[1])
-        for start in range(0, len(array), size):  # each line of the cache is fetched once
-            rows[:, start : start + size] = array[start : start + size].T
-        return rows
+        """Return a channel of a short log with a row a joint, (J, n)."""
+        return transpose(self.log.channels[channel])
 
     def usable(self, channel: str, joint: int) -> bool:
         """Return whether a joint's channel is there and finite throughout."""

@@ -39,18 +39,13 @@ class Survey:
     spike: np.ndarray
 
 
-def rows_at_once(joints: int) -> int:
-    """Return how many rows of a channel of these joints are read at once."""
-    return max(_PIECE // max(joints, 1), _ROWS)
-
-
 def survey(array: np.ndarray) -> Survey:
     """Return the survey of a channel (n, J); n may be 0."""
     n, joints = array.shape
     finite, long_run = np.ones(joints, bool), np.zeros(joints, bool)
     low, high = np.full(joints, np.inf), np.full(joints, -np.inf)
     step, spike, equal = np.zeros(joints), np.zeros(joints), np.zeros(joints)
-    rows = rows_at_once(joints)
+    rows = max(_PIECE // max(joints, 1), _ROWS)
     for start in range(0, n, rows):
         piece = np.ascontiguousarray(array[start : start + rows + RUN].T)  # a row a joint: long rows are fast
         finite &= np.isfinite(piece).all(axis=1)
