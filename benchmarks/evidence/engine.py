@@ -28,7 +28,7 @@ from backdrive.laws import Law, LuGre
 from backdrive.laws.examples import example
 
 DT = 1e-3
-LONG, SETS = 1_000_000, 10_000
+SETS = 10_000
 SECONDS = 2.0  # for the turns of one comparison, but at least:
 TURNS = 5
 LUGRE = example("lugre")
@@ -249,8 +249,8 @@ def main() -> None:
         print(f"{loops.compiler}; {available()} cores, load {load:.1f}")
         found = {"compiler": loops.compiler, "cores": available(), "load": load}
         count = 5 if wanted.short else speed.TURNS
-        speed.series(loops, judge, LONG // 5 if wanted.short else LONG, count)
-        speed.sets(loops, judge, count, wanted.short)
+        speed.series(loops, judge, count)
+        speed.sets(loops, judge, count)
         speed.driven(loops, judge, count)
     found["against_python"] = against_python(judge)
     found["growth"] = growth(judge)

@@ -63,9 +63,9 @@ def turns(theirs: Callable, ours: Callable, count: int, clock: Callable[[], floa
     return statistics.median(a), statistics.median(b), ratio
 
 
-def series(loops: Loops, judge: Judge, n: int, count: int) -> None:
+def series(loops: Loops, judge: Judge, count: int) -> None:
     """Compare one long rollout of each law."""
-    dp, q = increments(n), moved(n)
+    dp, q = increments(LONG), moved(LONG)
     load = np.stack([3.0 * np.sin(9.0 * q), 2.0 * np.cos(7.0 * q)], axis=1)[None].copy()
     motion = np.zeros(1, dtype=np.int64)
     print(f"{'one series':18s}  C [ns]  ours [ns]  ratio")
@@ -82,7 +82,7 @@ def series(loops: Loops, judge: Judge, n: int, count: int) -> None:
         expected = c()
         apart = float(np.abs(expected - ours()).max() / np.abs(expected).max())
         x, y, ratio = turns(c, ours, count)
-        print(f"{case.name:18s} {1e9 * x / n:7.2f} {1e9 * y / n:10.2f} {ratio:6.2f}", flush=True)
+        print(f"{case.name:18s} {1e9 * x / LONG:7.2f} {1e9 * y / LONG:10.2f} {ratio:6.2f}", flush=True)
         judge.that(f"{case.name}: torques apart by {apart:.1e} of the largest (1e-12)", apart <= 1e-12)
         judge.at_most(f"{case.name}, one series, time over C's", ratio, 1.2)
 
@@ -95,9 +95,9 @@ def drawn(name: str, sets: int) -> tuple[Lanes, np.ndarray]:
     return lanes, np.ascontiguousarray(lanes.rows[:, columns])
 
 
-def sets(loops: Loops, judge: Judge, count: int, short: bool) -> None:
+def sets(loops: Loops, judge: Judge, count: int) -> None:
     """Compare ten thousand sets with C's lanes, and on two cores with one."""
-    dp, B = increments(TICKS), SETS[-1] if not short else 2000
+    dp, B = increments(TICKS), SETS[-1]
     motion = np.zeros(B, dtype=np.int64)
     for name in SIDES:
         lanes, rows = drawn(name, B)
@@ -113,7 +113,7 @@ def sets(loops: Loops, judge: Judge, count: int, short: bool) -> None:
         print(f"{name}, {B} sets: C {1e9 * x / B / TICKS:.2f} ns, ours {1e9 * y / B / TICKS:.2f} ns")
         judge.at_most(f"{name}, {B} sets, time over that of C's lanes", ratio, 1.3)
         if available() > 1:
-            _, _, faster = turns(lambda ours=ours: ours(workers=2), ours, count, time.perf_counter)
+            _, _, faster = turns(lambda ours=ours: ours(workers=2), ours, TURNS, time.perf_counter)
             load = os.getloadavg()[0]
             judge.that(
                 f"{name}: two cores {faster:.2f} times as fast (at least 1.75), load {load:.1f}",
@@ -226,8 +226,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         loops = Loops(Path(scratch))
         print(f"{loops.compiler}; {available()} cores, load {os.getloadavg()[0]:.1f}")
-        series(loops, judge, LONG // 5 if wanted.short else LONG, count)
-        sets(loops, judge, count, wanted.short)
+        series(loops, judge, count)
+        sets(loops, judge, count)
         against_jax(judge, Path(scratch), wanted.short)
         driven(loops, judge, count)
         ticks(loops, judge, LONG // 5, count)
