@@ -93,7 +93,7 @@ def main() -> None:
         )
         if slip:
             options += [option.with_term("jerk") for option in options]
-        choice = design.fit(blocks, *design.simplest(blocks, options))
+        choice = design.fit(blocks, design.simplest(blocks, options))
         left_out = np.concatenate(
             [
                 y[block == b] - X[block == b] @ choice.candidate.spread @ t

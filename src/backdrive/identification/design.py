@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,7 +68,6 @@ class Choice:
         covariance: of the coefficients, (r, r).
         left_out: coefficients without each block, (B, r).
         condition: of the regressor with columns of unit length [-].
-        loss: mean squared error on left-out blocks, by candidate name.
     """
 
     candidate: Candidate
@@ -76,7 +75,22 @@ class Choice:
     covariance: np.ndarray
     left_out: np.ndarray
     condition: float
-    loss: dict[str, float]
+
+
+class CandidateFit(NamedTuple):
+    """A candidate fitted to all blocks, and how well it predicts those that were left out.
+
+    Attributes:
+        candidate: that was fitted.
+        coefficients: fitted to all blocks, (r,).
+        by_block: weighted squared error of each block, predicted without it, (B,).
+        loss: mean squared error of these predictions.
+    """
+
+    candidate: Candidate
+    coefficients: np.ndarray
+    by_block: np.ndarray
+    loss: float
 
 
 def columns(s: Signals, knots: np.ndarray, rows: slice = slice(None)) -> np.ndarray:
@@ -161,15 +175,12 @@ def predict(candidate: Candidate, coefficients: np.ndarray, motion: Signals, row
     return torque
 
 
-def fit(
-    blocks: regression.Blocks, candidate: Candidate, loss: dict[str, float], noise: float = 0.0
-) -> Choice:
+def fit(blocks: regression.Blocks, candidate: Candidate, noise: float = 0.0) -> Choice:
     """Return a candidate fitted to all blocks.
 
     Args:
         blocks: normal equations of all columns.
         candidate: the chosen candidate.
-        loss: of all candidates, by name.
         noise: mean square of the noise of the first column, as of `Blocks.without_noise`.
     """
     mapped = blocks.map_columns(candidate.spread)
@@ -183,19 +194,17 @@ def fit(
         covariance=covariance,
         left_out=left_out,
         condition=condition,
-        loss=loss,
     )
 
 
-def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candidate, dict[str, float]]:
-    """Return the simplest candidate that predicts left-out blocks nearly as well as the best, and the loss by name.
+def fits_of(blocks: regression.Blocks, options: list[Candidate]) -> list[CandidateFit]:
+    """Return those candidates that the data determine, fitted, in their order.
 
     Raises:
         NotIdentifiable: no candidate is determined by the data.
     """
     total, power = max(float(blocks.rows.sum()), 1e-300), float(blocks.power.sum())
-    fits: list[tuple[float, Candidate, np.ndarray]] = []
-    by_block: dict[int, np.ndarray] = {}
+    fits: list[CandidateFit] = []
     vague: list[tuple[float, float]] = []
     used = int(np.count_nonzero(blocks.rows))
     for option in options:
@@ -211,9 +220,10 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
                 at = int(np.argmax(unsure))
                 vague.append((float(unsure[at]), option.form.knots[at % option.form.knots.size]))
                 continue
-        by_block[id(option)] = regression.block_losses(mapped, left_out)
-        loss = max(by_block[id(option)].sum(), ROUNDING * power)
-        fits.append((float(loss) / total, option, theta))
+        by_block = regression.block_losses(mapped, left_out)
+        fits.append(
+            CandidateFit(option, theta, by_block, max(float(by_block.sum()), ROUNDING * power) / total)
+        )
     if not fits and vague:
         unsure, speed = min(vague)
         raise NotIdentifiable(
@@ -226,17 +236,25 @@ def simplest(blocks: regression.Blocks, options: list[Candidate]) -> tuple[Candi
             "These data do not determine a friction curve: the joint hardly moves.",
             remedy="Record a motion with both directions and several speeds (see `backdrive plan`).",
         )
-    best = min(loss for loss, *_ in fits)
-    sound = [fit for fit in fits if _plausible(fit[1], fit[2])]
-    if sound and min(loss for loss, *_ in sound) <= UNSOUND * best:
-        fits, best = sound, min(loss for loss, *_ in sound)
-    best_blocks = by_block[id(next(fit[1] for fit in fits if fit[0] == best))]
-    chosen = next(
-        fit[1]
+    return fits
+
+
+def simplest(blocks: regression.Blocks, options: list[Candidate]) -> Candidate:
+    """Return the simplest candidate that predicts left-out blocks nearly as well as the best.
+
+    Raises:
+        NotIdentifiable: no candidate is determined by the data.
+    """
+    fits = fits_of(blocks, options)
+    best = min(fits, key=lambda fit: fit.loss)
+    sound = [fit for fit in fits if _plausible(fit.candidate, fit.coefficients)]
+    if sound and min(fit.loss for fit in sound) <= UNSOUND * best.loss:
+        fits, best = sound, min(sound, key=lambda fit: fit.loss)
+    return next(
+        fit.candidate
         for fit in fits
-        if fit[0] <= TOLERANCE * best + 1e-300 or _tie(by_block[id(fit[1])], best_blocks)
+        if fit.loss <= TOLERANCE * best.loss + 1e-300 or _tie(fit.by_block, best.by_block)
     )
-    return chosen, {f"{'+'.join(option.terms)} | {option.form.name}": loss for loss, option, _ in fits}
 
 
 def _jackknife(theta: np.ndarray, left_out: np.ndarray, used: int) -> np.ndarray:

@@ -151,9 +151,9 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         return _simplest(bins, options, slip.colour, (slowest, 0.0 if few else slow), start)
 
     def choose(slip: Slip, raw: Bins) -> tuple[design.Choice, Bins, float, Misses]:
-        candidate, loss, bins, blocks, lowest = simplest(slip, raw)
+        candidate, bins, blocks, lowest = simplest(slip, raw)
         false = smooth.error.in_acceleration(corner, rate, width, slip.colour)
-        choice = design.fit(blocks, candidate, loss, false)
+        choice = design.fit(blocks, candidate, false)
         bins = bins.map_columns(candidate.spread)
         left = bins.y - bins.X @ choice.coefficients
         missed = misses_of(replace(raw, used=bins.used), choice, lowest)
@@ -194,7 +194,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         nonlocal start
         raw = bins_at_delay(prepared, slip.delay, knots)
         equations = raw.whiten(slip.colour).equations(rounds=FEW)
-        start, candidate = equations.solution(), design.simplest(equations, few_options)[0]
+        start, candidate = equations.solution(), design.simplest(equations, few_options)
         begin = equations.map_columns(candidate.spread).solution()
         distance = build_up(raw, some, slip.delay, candidate.spread, slip.colour, seconds, begin)
         return candidate, distance, raw, begin
@@ -295,8 +295,8 @@ def _simplest(
     colour: Colour,
     speeds: tuple[float, float],
     start: np.ndarray | None,
-) -> tuple[design.Candidate, dict[str, float], Bins, Blocks, float]:
-    """Return the chosen candidate, all losses, the bins to fit, their equations, and the slowest speed that they determine.
+) -> tuple[design.Candidate, Bins, Blocks, float]:
+    """Return the chosen candidate, the bins to fit, their equations, and the slowest speed that they determine.
 
     Args:
         raw: bins, not whitened.
@@ -307,7 +307,7 @@ def _simplest(
     """
     bins, (slowest, slow) = raw.whiten(colour), speeds
     blocks, weights = bins.equations_and_weights(start)
-    candidate, loss = design.simplest(blocks, options)
+    candidate = design.simplest(blocks, options)
     if candidate.form.knots[0] == 0.0 and slow > 0.0:
         lines = [option for option in options if option.form.knots[0] == 0.0]
         of_faster = blocks.less(bins.slower(slow, weights))
@@ -316,11 +316,11 @@ def _simplest(
         if colour != WHITE:  # whitening joins other bins
             of_faster = bins.equations(blocks.solution())
         try:
-            candidate, loss = design.simplest(of_faster, lines)
+            candidate = design.simplest(of_faster, lines)
             blocks, slowest = of_faster, max(slowest, slow)
         except NotIdentifiable:  # there is hardly any faster motion, so all bins are used
             bins = raw.whiten(colour)
-    return candidate, loss, bins, blocks, slowest
+    return candidate, bins, blocks, slowest
 
 
 def reasons(bins: Bins, friction: JointFriction, count: int, slip: Slip) -> tuple[str, ...]:
