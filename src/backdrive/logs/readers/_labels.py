@@ -1,4 +1,4 @@
-"""Joint names that a table holds itself, beside lists of numbers: `name` of a joint state."""
+"""Joint names that a file holds itself, beside lists of numbers: `name` of a joint state, or `joint_names` of an archive."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from backdrive.errors import ReadError
 from backdrive.logs.readers.columns import clean
 
 _NAME = re.compile(r"(?:.*[./])?(?:joint_?)?names?$", re.IGNORECASE)
+MOST, LONGEST = 1000, 300  # names of a list, and characters of one
+SHOWN = 20  # names in a sentence
 MATCHED = "The order of the joints changes from row to row: they were matched by name."
 _INDEXED = re.compile(r"(?P<stem>.*?)[\[(_.]?(?P<index>\d{1,4})[\])]?$")
 
@@ -20,6 +22,32 @@ _INDEXED = re.compile(r"(?P<stem>.*?)[\[(_.]?(?P<index>\d{1,4})[\])]?$")
 def holds_names(column: str) -> bool:
     """Return whether a column by this name holds names of joints."""
     return len(column) < 200 and _NAME.match(column) is not None
+
+
+def read_list(words: object, name: str, notes: list[str]) -> tuple[str, ...]:
+    """Return the names that a file lists once, for all rows; none where they are no names of different joints.
+
+    Args:
+        words: as the file has them; a single word counts where it is named after a joint.
+        name: of the list, for the messages.
+        notes: a sentence is added where the list holds no names.
+    """
+    words = [words] if isinstance(words, str) and "joint" in name.lower() else words
+    joints = [word.strip() for word in words if isinstance(word, str)] if is_list(words) else []
+    if not is_list(words) or not joints or len(joints) < len(words) or not all(joints):
+        notes.append(f"'{clean(name)}' is no list of names and was left out.")
+        return ()
+    return _different(joints, f"'{clean(name)}'", notes)
+
+
+def _different(names: Sequence[str], place: str, notes: list[str]) -> tuple[str, ...]:
+    """Return names as they may be shown; none, with a note, where two are alike."""
+    joints = tuple(clean(name) for name in names)
+    if len(set(joints)) < len(joints):
+        listed = ", ".join(joints[:SHOWN]) + (" and more" if len(joints) > SHOWN else "")
+        notes.append(f"{place} names {listed}, some of them twice, and was left out.")
+        return ()
+    return joints
 
 
 def read_names(
@@ -43,9 +71,8 @@ def read_names(
     if not is_list(first) or not first or not all(isinstance(name, str) and name for name in first):
         notes.append(f"Column '{column}' is no list of names in every row and was left out.")
         return (), None
-    joints = tuple(clean(name) for name in first)
-    if len(set(joints)) < len(joints):
-        notes.append(f"Column '{column}' names {', '.join(joints)}, some of them twice, and was left out.")
+    joints = _different(first, f"Column '{column}'", notes)
+    if not joints:
         return (), None
     if all(row == first for row in rows):
         return joints, None

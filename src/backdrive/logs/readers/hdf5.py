@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from backdrive.errors import ForbiddenContent, IncompleteFile, ReadError, require
+from backdrive.logs.readers._labels import LONGEST, MOST, holds_names, read_list
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
 if TYPE_CHECKING:
@@ -49,14 +50,20 @@ def read(path: str, options: ReadOptions) -> Columns:
     import h5py
 
     found: dict[str, h5py.Dataset] = {}
+    lists: dict[str, h5py.Dataset] = {}
     left: list[str] = []
+    notes: list[str] = []
+    joints: tuple[str, ...] = ()
     arrays: dict[str, np.ndarray] = {}
     try:
         with h5py.File(path, "r", libver=("earliest", "latest"), locking=False) as file:
-            _walk(file, "", found, left, {file.id.__hash__()}, 0)
+            _walk(file, "", found, lists, left, {file.id.__hash__()}, 0)
             options.limits.check_count(len(found), "datasets")
             declared = sum(_size_of(data) for data in found.values())
             options.limits.check_size(declared, os.path.getsize(path), "The file")
+            for name, data in lists.items():
+                words = data.asstr(errors="replace")[()]
+                joints = read_list(words if isinstance(words, str) else list(words), name, notes) or joints
             for name, data in found.items():
                 value = plain(data[()])
                 if value is None or not value.size:
@@ -79,14 +86,21 @@ def read(path: str, options: ReadOptions) -> Columns:
         raise ReadError(
             "The file holds no numeric dataset of one or two dimensions.", remedy="Name another file."
         )
-    notes = (f"Left out, not numbers in one or two dimensions: {', '.join(left[:20])}.",) if left else ()
-    return Columns(arrays=arrays, notes=notes)
+    if left:
+        notes.append(f"Left out, not numbers in one or two dimensions: {', '.join(left[:20])}.")
+    return Columns(arrays=arrays, joints=joints, notes=tuple(notes))
 
 
 def _walk(
-    group: h5py.Group, prefix: str, found: dict[str, Any], left: list[str], seen: set[Any], depth: int
+    group: h5py.Group,
+    prefix: str,
+    found: dict[str, Any],
+    lists: dict[str, Any],
+    left: list[str],
+    seen: set[Any],
+    depth: int,
 ) -> None:
-    """Collect datasets; a hard link back to a group already seen would never end."""
+    """Collect datasets of numbers and lists of joint names; a hard link back to a group already seen would never end."""
     import h5py
 
     if depth > _DEEPEST:
@@ -109,10 +123,12 @@ def _walk(
                     f"'{name}' leads to a group that was reached before.", remedy="Name another file."
                 )
             seen.add(item.id.__hash__())
-            _walk(item, f"{name}.", found, left, seen, depth + 1)
+            _walk(item, f"{name}.", found, lists, left, seen, depth + 1)
         elif isinstance(item, h5py.Dataset):
             if _is_numeric(item, name):
                 found[name] = item
+            elif _may_be_names(item, name):
+                lists[name] = item
             else:
                 left.append(name)
 
@@ -134,6 +150,21 @@ def _is_numeric(data: h5py.Dataset, name: str) -> bool:
     if data.attrs.get("MATLAB_empty", 0) or matlab in (b"char", b"cell", b"function_handle", b"struct"):
         return False
     return data.dtype.kind in "biuf" and data.shape is not None and data.ndim <= 2
+
+
+def _may_be_names(data: h5py.Dataset, name: str) -> bool:
+    """Return whether a dataset is a short list of text with the name of a list of joints."""
+    import h5py
+
+    text = h5py.check_string_dtype(data.dtype) is not None and "MATLAB_class" not in data.attrs
+    return bool(
+        text
+        and holds_names(name)
+        and data.shape is not None
+        and data.ndim <= 1
+        and data.size <= MOST
+        and data.dtype.itemsize <= 4 * LONGEST
+    )
 
 
 def _size_of(data: h5py.Dataset) -> int:

@@ -15,7 +15,7 @@ import numpy as np
 from backdrive._documents import is_list, is_object
 from backdrive.errors import IncompleteFile, ReadError
 from backdrive.logs.log import Drive
-from backdrive.logs.readers._labels import holds_names, in_order, read_names
+from backdrive.logs.readers._labels import holds_names, in_order, read_list, read_names
 from backdrive.logs.readers.columns import Columns, ReadOptions
 
 _FULL_DUTY = 885.0
@@ -77,7 +77,10 @@ def read(path: str, options: ReadOptions) -> Columns:
     joints: tuple[str, ...] = ()
     order: np.ndarray | None = None
     for key in [key for key in table if holds_names(key) and is_list(table[key])]:
-        joints, order = read_names(table[key], key, notes)
+        once = table is content and all(isinstance(word, str) for word in table[key])
+        joints, order = (
+            (read_list(table[key], key, notes), None) if once else read_names(table[key], key, notes)
+        )
         table = {k: v for k, v in table.items() if k != key or not joints}
     arrays: dict[str, np.ndarray] = {}
     _numbers("", table, arrays, notes, 0)

@@ -14,6 +14,7 @@ from backdrive.logs.readers import _expression
 from backdrive.logs.readers._automatic import automatic, length, name_list
 from backdrive.logs.readers._channels import Values
 from backdrive.logs.readers._clocks import on_one_clock
+from backdrive.logs.readers._labels import SHOWN
 from backdrive.logs.readers._missing import NONE
 from backdrive.logs.readers._pairing import pair_joints
 from backdrive.logs.readers._sides import divide_by_gear, motor_channels
@@ -100,6 +101,11 @@ def to_log(  # noqa: PLR0913  (its options are given by keyword)
     notes = [note for note in found.notes if not note.startswith(settled)]
     notes += [*values.notes, *_without_zeros(values.arrays, asked)]
     width = _width(values.arrays)
+    if not own and not asked and len(columns.joints) not in (0, width):
+        listed = ", ".join(columns.joints[:SHOWN]) + (", ..." if len(columns.joints) > SHOWN else "")
+        notes.append(
+            f"{len(columns.joints)} names of joints, {listed}, were left out: the columns are of {width}."
+        )
     own = own or (columns.joints if len(columns.joints) == width else found.joints)
     kind = _kinds(units, width)
     if kind is None:

@@ -10,11 +10,13 @@ import os
 import struct
 import warnings
 import zlib
+from typing import cast
 
 import numpy as np
 
 from backdrive._documents import is_object
 from backdrive.errors import IncompleteFile, ReadError
+from backdrive.logs.readers._labels import MOST, holds_names, read_list
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
 _COMPRESSED = 15
@@ -60,22 +62,38 @@ def read(path: str, options: ReadOptions) -> Columns:
             f"A variable is cut or damaged ({error}).", remedy="Save the file again."
         ) from error
     arrays: dict[str, np.ndarray] = {}
+    lists: dict[str, object] = {}
     left: list[str] = []
     for name, value in content.items():
         if not name.startswith("__") and name != "None":
-            _walk(name, value, arrays, left, 0)
+            _walk(name, value, arrays, lists, left, 0)
     options.limits.check_count(len(arrays), "variables")
-    notes = (f"Left out, not numbers in one or two dimensions: {', '.join(left[:20])}.",) if left else ()
-    return Columns(arrays=arrays, notes=notes)
+    notes: list[str] = []
+    joints: tuple[str, ...] = ()
+    for name, words in lists.items():
+        joints = read_list(words, name, notes) or joints
+    if left:
+        notes.append(f"Left out, not numbers in one or two dimensions: {', '.join(left[:20])}.")
+    return Columns(arrays=arrays, joints=joints, notes=tuple(notes))
 
 
-def _walk(name: str, value: object, arrays: dict[str, np.ndarray], left: list[str], depth: int) -> None:
+def _walk(
+    name: str,
+    value: object,
+    arrays: dict[str, np.ndarray],
+    lists: dict[str, object],
+    left: list[str],
+    depth: int,
+) -> None:
     if is_object(value):
         if depth >= _DEEPEST:
             left.append(name)
             return
         for field, inner in value.items():
-            _walk(f"{name}.{field}", inner, arrays, left, depth + 1)
+            _walk(f"{name}.{field}", inner, arrays, lists, left, depth + 1)
+        return
+    if holds_names(name) and (words := _words(value)) is not None:
+        lists[name] = words
         return
     if isinstance(value, (bool, int, float, np.generic, np.ndarray)):
         array = plain(np.asarray(value))
@@ -83,6 +101,14 @@ def _walk(name: str, value: object, arrays: dict[str, np.ndarray], left: list[st
             arrays[name] = array
             return
     left.append(name)
+
+
+def _words(value: object) -> object:
+    """Return a row or a matrix of letters, or a cell of words, as words; None if it is none."""
+    if isinstance(value, np.ndarray):
+        array = cast(np.ndarray, value)
+        return array.tolist() if array.dtype.kind in "UO" and array.size <= MOST else None
+    return value if isinstance(value, str) else None
 
 
 def _check_sizes(path: str, options: ReadOptions) -> None:

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from backdrive.errors import FileTooLarge, ForbiddenContent, IncompleteFile, ReadError
+from backdrive.logs.readers._labels import LONGEST, holds_names, read_list
+from backdrive.logs.readers._labels import MOST as MOST_NAMES
 from backdrive.logs.readers.columns import Columns, ReadOptions, plain
 
 MOST = 10_000  # of a header [B]
@@ -49,22 +51,36 @@ def read(path: str, options: ReadOptions) -> Columns:
         limits.check_size(sum(info.file_size for info in members), size, "The archive")
         arrays: dict[str, np.ndarray] = {}
         notes: list[str] = []
+        joints: tuple[str, ...] = ()
         for info in members:
             name = info.filename[: -len(".npy")]
             if info.flag_bits & 1:
                 raise ForbiddenContent(f"Array '{name}' is encrypted.", remedy="Save it without a password.")
             try:
                 with archive.open(info) as stream:
-                    value = plain(_array(stream, name, info.file_size))
+                    array = _array(stream, name, info.file_size)
             except (zipfile.BadZipFile, EOFError) as error:
                 raise IncompleteFile(
                     f"Array '{name}' is damaged ({error}).", remedy="Save it again."
                 ) from error
+            if array.dtype.kind in "US" and array.size:
+                joints = read_list(_words(array), name, notes) or joints
+                continue
+            value = plain(array)
             if value is None:
                 notes.append(f"Array '{name}' is not one- or two-dimensional numbers and was left out.")
             else:
                 arrays[name] = value
-    return Columns(arrays=arrays, notes=tuple(notes))
+    return Columns(arrays=arrays, joints=joints, notes=tuple(notes))
+
+
+def _words(array: np.ndarray) -> list[str]:
+    """Return the words of an array of text; none where it holds what is no character."""
+    try:
+        words = array.tolist()
+    except ValueError:
+        return []
+    return [word.decode(errors="replace") if isinstance(word, bytes) else word for word in words]
 
 
 def _array(stream: Any, name: str, declared: int) -> np.ndarray:
@@ -89,7 +105,8 @@ def _array(stream: Any, name: str, declared: int) -> np.ndarray:
             f"Array '{name}' claims shape {shape} but the archive holds {declared} bytes of it.",
             remedy="Save it again.",
         )
-    if dtype.kind not in "biuf":
+    names = dtype.kind in "US" and holds_names(name) and len(shape) == 1 and 0 < dtype.itemsize <= 4 * LONGEST
+    if dtype.kind not in "biuf" and not (names and count <= MOST_NAMES):
         return np.empty(0, dtype)
     value = np.empty(count, dtype)
     if count:
