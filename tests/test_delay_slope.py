@@ -7,7 +7,8 @@ import pytest
 
 from backdrive.identification import curves, design
 from backdrive.identification.delay_bins import DelayStretch, bins_at_delay
-from backdrive.identification.delay_slope import NEAR, bins_near, change_with_delay
+from backdrive.identification.delay_slope import NEAR, bins_near, change_with_delay, response_by_one
+from backdrive.identification.signals import Signals
 from backdrive.identification.slip import fit
 from test_delay_bins import RATE, stretch
 
@@ -70,3 +71,53 @@ def test_bins_of_a_far_delay_or_another_mask_are_not_at_hand():
     assert bins_near(bins, 0.0, 1.1 * NEAR / RATE, along, one, theta) is None
     for at, delay in ((0.49, 0.51), (-0.51, -0.49)):  # sliding moves by whole samples
         assert bins_near(bins, at / RATE, delay / RATE, along, one, theta) is None
+
+
+def late_stretch(n: int, late: float, rng) -> Signals:
+    """Return a stretch of n samples of a light joint whose torque is late by a time [s]."""
+    t, phase = np.arange(n) / RATE, rng.uniform(0.0, 6.0, 3)
+    sines = (0.8, 1.3), (0.3, 4.1), (0.02, 17.0)
+
+    def along(at):
+        return [
+            sum(a * w**k * f(w * at + p) for (a, w), p in zip(sines, phase, strict=True))
+            for k, f in enumerate((np.sin, np.cos, lambda x: -np.sin(x), lambda x: -np.cos(x)))
+        ]
+
+    (q, dq, ddq, dddq), (_, before, pushed, _) = along(t), along(t - late)
+    return Signals(
+        time=t,
+        position=q,
+        velocity=dq,
+        acceleration=ddq,
+        jerk=dddq,
+        torque=0.3 * pushed + np.sign(before) + 0.3 * before + 0.02 * rng.standard_normal(n),
+        rate=RATE,
+        model_torque=None,
+        moving=np.ones(n, bool),
+        sliding=np.abs(dq) > 0.1,
+    )
+
+
+@pytest.mark.parametrize("samples", [5000, 100, 40])
+def test_the_response_of_the_jerk_knows_where_stretches_end(samples):
+    rng, one = np.random.default_rng(4), option(True, "jerk")
+    along = [DelayStretch(late_stretch(samples, 0.002, rng), 0.02) for _ in range(10_000 // samples)]
+    inertia, jerk = one.terms.index("inertia"), one.terms.index("jerk")
+    found = []
+    for delay in (0.0, 0.002):
+        bins = bins_at_delay(along, delay, KNOTS, one)
+        theta = fit(bins)
+        found.append(theta[jerk] / theta[inertia])
+        share = response_by_one(bins, along, theta, inertia, jerk)
+    assert share == pytest.approx((found[0] - found[1]) / 0.002, rel=0.07)
+    theta[jerk] += 5.0  # what the jerk's own coefficient says is not asked
+    assert response_by_one(bins, along, theta, inertia, jerk) == pytest.approx(share)
+
+
+def test_bins_fewer_than_blocks_keep_the_sums_of_their_columns():
+    bins = bins_at_delay([DelayStretch(stretch(), 0.02)], 0.0, KNOTS)
+    few = replace(bins, X=bins.X[:9], y=bins.y[:9], used=np.ones(9, bool), speed=bins.speed[:9], blocks=20)
+    assert few.every.gram.shape[0] == 20
+    made, fresh = few.with_torque(few.y + 1.0), replace(few, y=few.y + 1.0).every
+    assert made.every.moment == pytest.approx(fresh.moment) and made.every.power == pytest.approx(fresh.power)

@@ -16,9 +16,10 @@ from backdrive.identification.lateness import delay, delay_beside_distance
 from backdrive.identification.names import same_names
 from backdrive.identification.outliers import count_single
 from backdrive.identification.plausibility_law import break_away, vague_level
-from backdrive.identification.plausibility_numbers import delay_at_bound, unseen_presliding
+from backdrive.identification.plausibility_numbers import certainty, delay_at_bound, unseen_presliding
 from backdrive.identification.quality import grade
 from backdrive.identification.remark import Case
+from backdrive.identification.result import Curve
 from backdrive.identification.signals import prepare
 from backdrive.laws import Law, LuGre, StribeckGauss
 from backdrive.logs.log import Joint, Log
@@ -68,6 +69,28 @@ def test_what_is_planted_is_remarked_on_first(sound, plant, words):
     _, sentences = remarks(sound.replace(torque=plant(sound)), accept=("outlier",))
     assert sum(words in s for s in sentences) == 1
     assert len(set(sentences)) == len(sentences)
+
+
+@pytest.mark.parametrize(
+    ("reach", "fastest", "said"),
+    [
+        (0.2, 0.45, None),
+        (0.2, 0.58, "At 0.94 rad/s the curve is known to ± 2.7 N.m (53 % of the mean friction) only"),
+        (0.6, 0.6, "The curve is known to ± 3 N.m (60 %) only"),
+    ],
+)
+def test_a_curve_of_which_a_part_is_hardly_known_is_not_good(sound, reach, fastest, said):
+    """Errors are twice the standard ones, by the mean friction: near rest, and growing towards the top speed."""
+    result = identify(sound, method="motion")
+    v = np.linspace(0.0, 1.0, 101)
+    error = 0.5 * 5.0 * (reach + (fastest - reach) * np.maximum(v - 0.5, 0.0) / 0.5)
+    error[v < 0.1], error[v > 0.97] = 9.0, 9.0  # unseen, and extrapolated
+    curve = Curve(velocity=v, torque=np.full(101, 5.0), standard_error=error)
+    friction = result.model.joints[0]
+    friction = replace(friction, validity=replace(friction.validity, velocity=(-1.0, 1.0), lowest_speed=0.1))
+    evidence = replace(result.evidence[0], curve=curve)
+    remark = certainty(Case(friction=friction, evidence=evidence, logs=(sound,)))
+    assert (remark is None) if said is None else (remark.severity == "care" and said in remark.sentence)
 
 
 def test_single_samples_are_outliers_and_friction_that_builds_up_is_none():

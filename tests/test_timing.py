@@ -94,7 +94,25 @@ def test_torque_that_comes_late_is_corrected_though_its_delay_is_not_known_to_an
     slip, period = friction.dynamics["time_slip"], commanded.period
     assert slip.standard_error > 0.5 * period
     assert slip.value == pytest.approx(0.05 - 0.5 * period, abs=3.0 * slip.standard_error)
+    (said,) = (w for w in (*friction.warnings, evidence.verdict) if "ms after it acted" in w)
+    told = said.split("was logged ")[1].split(" ms")[0].split(" +- ")
+    assert [1e-3 * float(x) for x in told] == pytest.approx([slip.value, slip.standard_error], abs=1e-5)
     assert float(friction.law.torque(1.8)) == pytest.approx(float(joint_1().law.torque(1.8)), abs=0.6)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.005])
+def test_the_error_of_the_inertia_of_a_light_joint_includes_that_of_the_delay(late):
+    """Late viscous friction is in phase with the acceleration."""
+    sweep = Sweep(0.6, 1.4, 12)
+    t = np.arange(int(1000 * sweep.duration)) / 1000.0
+    q, before = sweep.position(t), sweep.position(t - late)
+    v = np.gradient(before, t)
+    torque = 0.127 * np.gradient(v, t) + 2.6 * np.sign(v) + 2.2 * v
+    torque += 0.02 * np.random.default_rng(5).standard_normal(t.size)
+    friction, _ = identify_sweep([Log.from_arrays(time=t, position=q, torque=torque)], "joint_1")
+    inertia, slip = (friction.dynamics[name] for name in ("inertia", "time_slip"))
+    assert abs(inertia.value - 0.127) < 3.0 * inertia.standard_error < 0.06
+    assert abs(slip.value - late) < 3.0 * slip.standard_error
 
 
 def test_a_vague_delay_is_corrected_if_a_shift_of_the_torque_agrees_and_stated_if_none_does(

@@ -60,7 +60,9 @@ def bins_near(
     return bins.with_torque(bins.y - (delay - at) * change_with_delay(stretches, at, candidate, theta))
 
 
-def response_by_one(bins: Bins, theta: np.ndarray, inertia: int, jerk: int, seconds: float) -> float:
+def response_by_one(
+    bins: Bins, stretches: Sequence[DelayStretch], theta: np.ndarray, inertia: int, jerk: int
+) -> float:
     """Return the response of the jerk to a delay [-] by one fit alone, from the change of its torque with time.
 
     A torque that is late by a short time d is that of the fit less d times its derivative. Other terms take a part of this, or
@@ -68,12 +70,16 @@ def response_by_one(bins: Bins, theta: np.ndarray, inertia: int, jerk: int, seco
 
     Args:
         bins: that were fitted, as they were before whitening.
+        stretches: of one joint, from which the bins were computed.
         theta: coefficients of the fit, (p,).
         inertia: index of the inertia.
         jerk: index of the jerk.
-        seconds: length of a bin [s].
     """
     torque = bins.X @ theta - bins.X[:, jerk] * theta[jerk]
-    rows = 1 + np.flatnonzero(bins.used[1:-1] & bins.used[2:] & bins.used[:-2])
-    change, X = (torque[rows - 1] - torque[rows + 1]) / (2.0 * seconds), bins.X[rows]
+    inside = bins.used[1:-1] & bins.used[2:] & bins.used[:-2]
+    if len(stretches) > 1:
+        part = np.repeat(np.arange(len(stretches)), [s.count for s in stretches])
+        inside &= part[2:] == part[:-2]
+    rows, apart = 1 + np.flatnonzero(inside), 2.0 * stretches[0].width / stretches[0].rate
+    change, X = (torque[rows - 1] - torque[rows + 1]) / apart, bins.X[rows]
     return float(regression.solve(X.T @ X, X.T @ change)[jerk] / theta[inertia])

@@ -131,8 +131,12 @@ class Bins:
         """Return the same bins with another torque (n,); products of columns that are known stay."""
         made = replace(self, y=y)
         if (known := vars(self).get("every")) is not None:
-            first, used = np.flatnonzero(np.diff(self.block, prepend=-1)), y * self.used
-            sums = np.add.reduceat(np.column_stack([self.X * used[:, None], used * y]), first, axis=0)
+            block, used = self.block, y * self.used
+            first = np.flatnonzero(np.diff(block, prepend=-1))
+            sums = np.zeros((self.blocks, self.X.shape[1] + 1))  # a few bins are not in every block
+            sums[block[first]] = np.add.reduceat(
+                np.column_stack([self.X * used[:, None], used * y]), first, axis=0
+            )
             vars(made)["every"] = replace(known, moment=sums[:, :-1], power=sums[:, -1])
         return made
 

@@ -22,9 +22,8 @@ NOTICED = 0.01  # least delay with a remark: longer than a controller or a bus t
 NOTICED_SAMPLES = (
     2.0  # the same: more than a torque that is held or averaged over an interval [sampling interval]
 )
-COUNTS = (
-    2.0  # least number of the encoder's steps over which friction builds up, for its stiffness to be seen
-)
+COUNTS = 2.0  # least steps of the encoder over which friction builds up, for its stiffness to be seen [-]
+INSIDE = 0.95  # share of the top speed up to which a curve is not extrapolated [-]
 GAP = 4.0  # ratio of two speeds between which some motion is expected [-]
 FEWEST_INSIDE = 0.02  # least share of the means between them [-]
 FASTEST = {"rad": 2000.0, "m": 100.0}  # highest possible speed of a joint [rad/s or m/s]
@@ -140,19 +139,28 @@ def vague_terms(case: Case) -> Remark | None:
 
 
 def certainty(case: Case) -> Remark | None:
-    """Remark on a curve with large standard errors."""
+    """Remark on a curve with large standard errors, in general or at some of its speeds."""
     curve = case.evidence.curve
     error, torque = curve.standard_error, np.abs(curve.torque)
     if not error.size or not np.isfinite(error).all() or not torque.mean() > 0.0:
         return None
-    reach = 2.0 * float(np.median(error))
-    share = reach / float(torque.mean())
-    if share < 0.5:
+    speed = np.abs(curve.velocity)
+    seen = (speed >= (case.friction.validity.lowest_speed or 0.0)) & (speed <= INSIDE * speed.max())
+    worst = int(np.argmax(error * seen))
+    reach, most = 2.0 * float(np.median(error)), 2.0 * float(error[worst] * seen[worst])
+    share, at_most = reach / float(torque.mean()), most / float(torque.mean())
+    if share >= 0.5:
+        return Remark(
+            severity="unknown" if share > 1.0 else "care",
+            sentence=f"The curve is known to ± {reach:.2g} {case.unit} ({100.0 * share:.0f} %) only: record more reversals, at "
+            "more speeds.",
+        )
+    if at_most < 0.5:
         return None
     return Remark(
-        severity="unknown" if share > 1.0 else "care",
-        sentence=f"The curve is known to ± {reach:.2g} {case.unit} ({100.0 * share:.0f} %) only: record more reversals, at more "
-        "speeds.",
+        severity="care",
+        sentence=f"At {curve.velocity[worst]:.2g} {case.friction.joint.unit}/s the curve is known to ± {most:.2g} {case.unit} "
+        f"({100.0 * at_most:.0f} % of the mean friction) only: record more motion at such speeds.",
     )
 
 

@@ -240,7 +240,7 @@ def seek_slip(
         if abs(tried[-1][1]) > BEYOND:
             return replace(open_, colour=colour)
         first = plain if colour.correlation < COLOURED else None
-        share = response_by_one(first, theta, inertia, jerk, stretches[0].width * period) if first else 0.0
+        share = response_by_one(first, stretches, theta, inertia, jerk) if first else 0.0
         if CLEARLY[0] < share < CLEARLY[1] and abs(tried[0][1]) <= lever * share:
             delay += tried[0][1] / share  # near enough for the search that begins there
             break

@@ -138,7 +138,7 @@ def identify_sweep(
         off = [] if literal else late[part]
         found = fit(used[part], unit=about.unit, name=about.name, symmetric=symmetric, late=off)
         slip = -0.5 / stretches[part][0][0].rate - delays[part][0], errors[part][0]
-        friction = _friction(about, found, each[part], stretches[part], slip, literal)
+        friction = _friction(about, found, each[part], off, stretches[part], slip, literal)
         return replace(friction, warnings=(*friction.warnings, *remarks)), found
 
     friction, found = fit_to(slice(None))
@@ -207,16 +207,27 @@ def _each(
     ]
 
 
+def _inertia(knots: Sequence[SweepKnots], late: Sequence[SweepKnots]) -> tuple[float, float]:
+    """Return the inertia of several sweeps and its standard error, which includes that of their delay [kg.m^2 or kg].
+
+    Late viscous friction is in phase with the acceleration.
+    """
+    weight = 1.0 / np.array([k.inertia[1] for k in knots]) ** 2
+    share = weight / weight.sum()
+    moved = share @ [b.inertia[0] - a.inertia[0] for a, b in zip(knots, late, strict=True)] if late else 0.0
+    return float(share @ [k.inertia[0] for k in knots]), float(np.hypot(1.0 / np.sqrt(weight.sum()), moved))
+
+
 def _friction(
     joint: Joint,
     found: SweepFit,
     knots: Sequence[SweepKnots],
+    late: Sequence[SweepKnots],
     stretches: Sequence[Sequence[Signals]],
     slip: tuple[float, float],
     literal: bool,
 ) -> JointFriction:
-    weight = 1.0 / np.array([k.inertia[1] for k in knots]) ** 2
-    inertia = float(weight @ [k.inertia[0] for k in knots] / weight.sum()), float(1.0 / np.sqrt(weight.sum()))
+    inertia = _inertia(knots, late)
     speeds = np.concatenate([s.velocity for log in stretches for s in log])
     errors: dict[str, Any] = {
         "positive": tuple(found.error_pos.tolist()),

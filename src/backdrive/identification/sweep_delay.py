@@ -156,7 +156,7 @@ def drive_delays(
     if abs(delay) < error and late <= period:
         return delays, errors, []  # nothing worth saying was corrected
     amount = f"{1e3 * abs(delay):.2f} +- {1e3 * error:.2f} ms"
-    how = f"was logged {amount} after it acted"
+    how = f"was logged {1e3 * (late - 0.5 * period):.2f} +- {1e3 * error:.2f} ms after it acted"  # a sample, not a command
     if late <= period:
         way = "later" if delay >= 0.0 else "earlier"
         how = (
