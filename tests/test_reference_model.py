@@ -168,7 +168,9 @@ def refused(data, name="m.json"):
 def test_what_is_wrong_with_a_model_file_is_told_apart():
     good = encode(FrictionModel(joints=(friction(PLAIN, -1.0, 1.0),)))
     assert decode(good).names == ("a",)
-    for data in (b"", b"{", b"words", good[:-20], good + b"x", good.replace(b'"a"', b'"\xff"')):
+    for data in (b"words", b"t,q,tau\n0.0,1.0,2.0\n", b"[1]", b"\x93NUMPY"):
+        assert "it is no friction model, which is JSON" in refused(data) and "damaged" not in refused(data)
+    for data in (b"", b"{", good[:-20], good + b"x", good.replace(b'"a"', b'"\xff"')):
         assert refused(data).startswith("m.json is damaged: ")
     for data in (b"{}", b'{"format": "other", "schema": 1}', b'{"format": null}'):
         assert "not a friction model" in refused(data)

@@ -252,6 +252,11 @@ def test_joints_that_travel_a_fiftieth_of_the_busiest_of_their_kind_are_identifi
         moving_joints([log], ["q"])
     with pytest.raises(NotIdentifiable, match="No joint"):
         moving_joints([log_of("a", "b")], None)
+    # what travels as far as an arm's joint is not idle beside a wheel
+    far = log_of(*"ab", n=1001, position=ramp * [500.0, 0.13], torque=np.ones((1001, 2)))
+    assert moving_joints([far], None) == (["a", "b"], [])
+    still = log_of(*"ab", n=1001, position=ramp * [500.0, 0.12], torque=np.ones((1001, 2)))
+    assert moving_joints([still], None) == (["a"], ["b"])
     # single samples do not count as travel
     wild = np.zeros((1001, 2))
     wild[:, 0], wild[500, 1], wild[600, 1] = ramp[:, 0], 5.0, -5.0

@@ -272,7 +272,7 @@ HOSTILE: dict[str, tuple[bytes, str]] = {
     "a list": (b"[]", "model file"),
     "empty": (b"", "model file"),
     "cut short": (json.dumps(honest()).encode()[:-40], "damaged"),
-    "UTF-16": (json.dumps(honest()).encode("utf-16"), "damaged"),
+    "UTF-16": (json.dumps(honest()).encode("utf-16"), "JSON in UTF-8"),
     "bytes that are no text": (_text("elbow", "elb\x00w").replace(b"elb", b"\xff\xfe"), "damaged"),
     "half a character": (_text('"elbow"', '"\\ud800"'), "damaged"),
 }

@@ -27,6 +27,10 @@ METHODS: dict[str, str] = {
 
 CYCLES = 4  # least number of cycles of a sweep
 IDLE = 0.02  # travel below which a joint is idle, relative to the largest travel of the same unit [-]
+FAR = {
+    "rad": 2.0 * np.pi,
+    "m": 1.0,
+}  # a larger travel counts as this one: beside a wheel, an arm's joint is not idle
 STEPS, SCATTER = 3.0, 8.0  # largest travel of a still joint [encoder step] and [noise of a sample]
 
 
@@ -45,7 +49,7 @@ def moving_joints(logs: Sequence[Log], wanted: str | Sequence[str] | None) -> tu
     moves = np.zeros(travel.size, dtype=bool)
     for unit in np.unique(units):
         same = units == unit
-        moves |= same & (travel > IDLE * travel[same].max()) & (travel > 0)
+        moves |= same & (travel > IDLE * min(travel[same].max(), FAR[unit])) & (travel > 0)
     if not moves.any():
         raise NotIdentifiable("No joint of this log moves.", remedy="Record the joint while it moves.")
     names = logs[0].names

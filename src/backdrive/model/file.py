@@ -258,6 +258,11 @@ def decode(data: bytes, name: str = "model file") -> m.FrictionModel:
         ModelFileError: the message names the fault and its place.
     """
     try:
+        if data[:100].strip()[:1] not in (b"{", b""):
+            raise ModelFileError(
+                "it is no friction model, which is JSON in UTF-8.",
+                remedy="Name a file made by `identify -o` or `fit -o`; a log is looked at with `backdrive inspect`.",
+            )
         head = msgspec.json.decode(data, type=Header)
         if head.format != FORMAT:
             raise ModelFileError(
