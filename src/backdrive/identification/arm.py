@@ -87,7 +87,7 @@ def identify_arm(
     robot = urdf if isinstance(urdf, Robot) else load_robot(urdf)
     whole, robot = robot, robot.without_tools(logs[0].names)
     cutoff = cutoff or MOTION_CUTOFF
-    seen = [s for log in logs for s in prepare_arm(log, robot, cutoff=cutoff)]
+    seen = [replace(s, log=k) for k, log in enumerate(logs) for s in prepare_arm(log, robot, cutoff=cutoff)]
     refuse_degrees(robot, seen)
     if held_out:
         unseen = hold_out_all([s for log in held_out for s in prepare_arm(log, robot, cutoff=cutoff)])
@@ -250,6 +250,7 @@ def _evidence(
                 position=s.position[mask, j],
                 model_torque=None,
                 moving=np.ones(int(mask.sum()), dtype=bool),
+                log=s.log,
             )
             parts.append((signals, (torque - known)[mask], hat[mask], seen))
     k = terms.knots.size

@@ -44,6 +44,7 @@ class ArmSignals:
         fitted: mask of the fitted samples, (n,).
         held_out: mask of the held-out samples, (n,); no sample is in both masks.
         coupling: C of q_joint = C q_motor, in the robot's order, (J, J); None: each motor drives its joint.
+        log: number of the log among the fitted ones; -1: of none of them.
     """
 
     time: np.ndarray
@@ -55,6 +56,7 @@ class ArmSignals:
     fitted: np.ndarray
     held_out: np.ndarray
     coupling: np.ndarray | None = None
+    log: int = 0
 
     def shift(self, delay: float) -> ArmSignals:
         """Return signals with the torque shifted earlier by a delay [s], to compensate the delay in a log."""
@@ -163,7 +165,10 @@ def _stretch(log: Log, order: np.ndarray, rows: slice, period: float, cutoff: fl
 
 def hold_out_all(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:
     """Return the stretches of a held-out log, with no sample fitted and all samples held out."""
-    return [replace(s, fitted=np.zeros_like(s.fitted), held_out=np.ones_like(s.held_out)) for s in stretches]
+    return [
+        replace(s, fitted=np.zeros_like(s.fitted), held_out=np.ones_like(s.held_out), log=-1)
+        for s in stretches
+    ]
 
 
 def hold_out_blocks(stretches: Sequence[ArmSignals]) -> list[ArmSignals]:

@@ -46,7 +46,7 @@ from backdrive.identification.regression import Blocks
 from backdrive.identification.remark import NO_ERRORS
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import after_build_up, build_up
-from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, turns
+from backdrive.identification.signals import SLOW, Signals, default_cutoff, prepare, prepare_each, turns
 from backdrive.identification.slip import CLOSE, FEW, Slip, fix_slip, search_slip
 from backdrive.identification.slip_effect import response, with_slip
 from backdrive.identification.smoothing import smoothing
@@ -100,7 +100,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
         NotIdentifiable: the motion does not determine a curve.
     """
     smooth = smoothing(logs, joint, cutoff, held_out=held_out)
-    stretches = [s for log in logs for s in prepare(log, joint, cutoff=smooth.cutoff)]
+    stretches = [s for each in prepare_each(logs, joint, cutoff=smooth.cutoff) for s in each]
     about = logs[0].joints[logs[0].column(joint)]
     speeds = np.concatenate([s.velocity[s.moving] for s in stretches])
     if not speeds.size or not np.max(np.abs(speeds)) > 0:
@@ -118,7 +118,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     slower_way = min(-velocity[0], velocity[1])
     both = slower_way > 0.05 * top
     pulls = gravity if about.unit == "rad" and (gravity or travel > SPAN_FOR_GRAVITY) else False
-    others = [s for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
+    others = [s.of_log(-1) for log in held_out for s in prepare(log, joint, cutoff=smooth.cutoff)]
     without = leave_out(stretches, pulls is not False, others)
     stretches = without or stretches
     given: dict[str, Any] = {

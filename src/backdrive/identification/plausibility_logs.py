@@ -13,6 +13,7 @@ from backdrive.identification.auto import own_turn
 from backdrive.identification.delay import correction
 from backdrive.identification.motion import identify_motion
 from backdrive.identification.remark import Case, Remark
+from backdrive.identification.residual import Residual
 from backdrive.identification.reversal_lag import turning_lag
 from backdrive.identification.user_delay import contradiction
 from backdrive.logs import health
@@ -152,12 +153,13 @@ def siblings(case: Case) -> Remark | None:
     )
 
 
-def other_joints(case: Case) -> Iterator[list[tuple[np.ndarray, str]]]:
-    """Yield groups of rows of another joint's motion, (k, n), which may affect the torque while this joint slides, with names."""
+def other_joints(case: Case) -> Iterator[tuple[Residual, list[tuple[np.ndarray, str]]]]:
+    """Yield the means in which this joint slides and another's motion is known, with groups of rows of that, (k, n), and names."""
     res = case.residual
     if res is None or case.others is None:
         return
-    for about, (position, velocity, acceleration) in case.others.beside(res.slides, case.friction.joint.name):
+    for about, known, series in case.others.beside(res.slides, case.friction.joint.name):
+        position, velocity, acceleration = series
         groups = [
             (acceleration[None], f"the acceleration of joint '{about.name}'"),
             (np.stack([velocity, np.sign(velocity)]), f"the velocity of joint '{about.name}'"),
@@ -165,7 +167,7 @@ def other_joints(case: Case) -> Iterator[list[tuple[np.ndarray, str]]]:
         if about.unit == "rad":
             angle = np.stack([np.sin(position), np.cos(position)])
             groups.append((angle, f"the position of joint '{about.name}'"))
-        yield groups
+        yield known, groups
 
 
 def user_delay(case: Case) -> Remark | None:

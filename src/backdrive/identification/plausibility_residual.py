@@ -229,8 +229,8 @@ def structure(case: Case) -> Remark | None:
     # the motion of other joints is slow, and costly to evaluate
     slow = filters.means(res.torque_error, max(round(OF_OTHERS / res.period), 1))
     if slow.size and float(np.sqrt(np.mean(slow**2))) > KEPT * STRUCTURE * size:
-        for groups in other_joints(case):
-            pulls = res.explain_each(*(rows for rows, _ in groups), least=STRUCTURE * size)
+        for known, groups in other_joints(case):
+            pulls = known.explain_each(*(rows for rows, _ in groups), least=STRUCTURE * size)
             tests += [  # only the part that this joint's own motion does not explain counts as coupling
                 (replace(pull, size=pull.beyond), f"Torque follows {cause}, by {share}: its pull.")
                 for pull, (_, cause) in zip(pulls, groups, strict=True)

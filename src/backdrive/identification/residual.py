@@ -81,6 +81,7 @@ class Residual:
         wild: share of single outliers among the samples [-].
         step: of the measured torque [N.m or N]; 0 without steps.
         knots: speeds of the fitted curve [rad/s or m/s], (k,); empty for a line.
+        log_of: number of the log of each stretch, by `part`; -1: of no fitted log.
     """
 
     time: np.ndarray
@@ -99,6 +100,7 @@ class Residual:
     wild: float
     step: float
     knots: tuple[float, ...] = ()
+    log_of: tuple[int, ...] = ()
 
     @property
     def torque_error(self) -> np.ndarray:
@@ -113,7 +115,7 @@ class Residual:
     @cached_property
     def slides(self) -> Residual:
         """The means in which the joint slides and friction no longer builds up."""
-        return self._where(self.settled)
+        return self.where(self.settled)
 
     @cached_property
     def is_near(self) -> np.ndarray:
@@ -124,9 +126,10 @@ class Residual:
     @cached_property
     def near(self) -> Residual:
         """The means that hardly differ more from the model than most."""
-        return self._where(self.is_near)
+        return self.where(self.is_near)
 
-    def _where(self, mask: np.ndarray) -> Residual:
+    def where(self, mask: np.ndarray) -> Residual:
+        """Return the means at a mask, (n,)."""
         series = {f.name: getattr(self, f.name) for f in fields(self)}
         return replace(self, **{k: x[mask] for k, x in series.items() if isinstance(x, np.ndarray)})
 
@@ -337,6 +340,7 @@ def residual_of(
         **dict(zip(names, joined, strict=False)),
         period=max(1, round(MEAN * rate)) / rate,
         knots=knots,
+        log_of=tuple(s.log for s, *_ in parts),
         wild=far / count if count else 0.0,
         step=0.0 if means_alone else min(resolution(s.torque) for s, *_ in parts),
     )

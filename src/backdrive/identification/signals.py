@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
@@ -52,6 +53,7 @@ class Signals:
         temperature: [degC], (n,); None if absent.
         measured: position as it was measured [rad or m], (n,); None for a velocity-only log.
         lost: True where a sample was lost, and all is interpolated, (n,); None if none was.
+        log: number of the log among the fitted ones; -1: of none of them.
     """
 
     time: np.ndarray
@@ -68,6 +70,7 @@ class Signals:
     temperature: np.ndarray | None = None
     measured: np.ndarray | None = None
     lost: np.ndarray | None = None
+    log: int = 0
 
     def __post_init__(self):
         if not self.sliding.size:
@@ -80,6 +83,10 @@ class Signals:
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         cut = replace(self, **{k: v[part] for k, v in arrays.items() if isinstance(v, np.ndarray)})
         return cut.with_pull_of(self, part)
+
+    def of_log(self, number: int) -> Signals:
+        """Return the signals with the number of their log."""
+        return self if number == self.log else replace(self, log=number).with_pull_of(self)
 
     @cached_property
     def moves(self) -> np.ndarray:
@@ -137,6 +144,11 @@ def prepare(log: Log, joint: str | int, *, cutoff: float | None = None) -> list[
     if len(log) <= filters.SHORT:
         _last[log] = (joint, cutoff), tuple(stretches)
     return stretches
+
+
+def prepare_each(logs: Sequence[Log], joint: str, *, cutoff: float | None = None) -> list[list[Signals]]:
+    """Return the stretches of each log, which know the number of their log; otherwise as `prepare`."""
+    return [[s.of_log(k) for s in prepare(log, joint, cutoff=cutoff)] for k, log in enumerate(logs)]
 
 
 def _prepare(log: Log, joint: str | int, cutoff: float | None) -> list[Signals]:

@@ -20,7 +20,7 @@ from backdrive.identification.function_a import literal as literal_pairs
 from backdrive.identification.quality import assess_parts
 from backdrive.identification.result import JointEvidence
 from backdrive.identification.settling import past_build_up
-from backdrive.identification.signals import Signals, prepare
+from backdrive.identification.signals import Signals, prepare, prepare_each
 from backdrive.identification.smoothing import smoothing
 from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_equations import ALL
@@ -124,7 +124,7 @@ def identify_sweep(
     if not logs:
         raise InvalidInput("There is no log to identify from.", remedy="Pass at least one.")
     about = logs[0].select(joint).on_joint_side().joints[0]
-    stretches = [prepare(log, joint) for log in logs] if literal else _prepare(logs, joint)
+    stretches = prepare_each(logs, joint) if literal else _prepare(logs, joint)
     delays, errors, remarks = drive_delays(logs, joint, stretches, timing, literal, delay)
     each, late = _each(logs, joint, stretches, delays, errors)
     used = each
@@ -186,7 +186,7 @@ def fit_sweeps(
 def _prepare(logs: Sequence[Log], joint: str) -> list[list[Signals]]:
     """Return the stretches of each sweep, low-passed as an encoder's errors ask for."""
     cutoff = smoothing(logs, joint).cutoff
-    return [prepare(log, joint, cutoff=cutoff) for log in logs]
+    return prepare_each(logs, joint, cutoff=cutoff)
 
 
 def _each(

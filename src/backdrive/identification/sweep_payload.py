@@ -13,7 +13,7 @@ from backdrive.identification.evidence import describe_fit, evidence, parts_of
 from backdrive.identification.load_fit import PayloadGrowth, payload_growth
 from backdrive.identification.quality import assess_parts
 from backdrive.identification.result import JointEvidence
-from backdrive.identification.signals import Signals, prepare
+from backdrive.identification.signals import Signals, prepare_each
 from backdrive.identification.sweep import pairs
 from backdrive.identification.sweep_delay import drive_delays
 from backdrive.identification.sweep_knots import polyline_through
@@ -65,7 +65,7 @@ def identify_payload(
             f"Joint '{joint}' is linear: its weight does not change along it.",
             remedy="A payload tells growth with the load on rotary joints.",
         )
-    stretches = [prepare(log, joint) for log in logs]
+    stretches = prepare_each(logs, joint)
     delays, errors, remarks = drive_delays(logs, joint, stretches, timing, False, delay)
     knots = [pairs(log, joint, s, delay=d) for log, s, d in zip(logs, stretches, delays, strict=True)]
     found = payload_growth(knots, payloads, name=joint)

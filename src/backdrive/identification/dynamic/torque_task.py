@@ -76,8 +76,14 @@ class TorqueTask(Task):
         self.remarks = (smooth.warning,) if smooth.warning else ()
         self.notes = (f"{name}: {smooth.note}",) if smooth.note else ()
         late = options.known.get("delay", 0.0)
-        self.pairs = [pair for log in logs for pair in _stretches(log, name, smooth.cutoff, late)]
-        self.unseen = [pair for log in held_out for pair in _stretches(log, name, smooth.cutoff, late)]
+        self.pairs = [
+            pair
+            for k, log in enumerate(logs)
+            for pair in _stretches(log, name, smooth.cutoff, late, number=k)
+        ]
+        self.unseen = [
+            pair for log in held_out for pair in _stretches(log, name, smooth.cutoff, late, number=-1)
+        ]
         known = {term: value for term, value in options.known.items() if term != "delay"}
         delay = options.delay and "delay" not in options.known
         stretches = [s for _, s in self.pairs]
@@ -276,7 +282,9 @@ def gravity_shows(logs: Sequence[Log], name: str) -> bool:
     return bool(ends) and max(abs(e.value) for e in ends) < MOST_PULL * size
 
 
-def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> list[tuple[Signals, Stretch]]:
+def _stretches(
+    log: Log, name: str, cutoff: float | None, late: float = 0.0, number: int = 0
+) -> list[tuple[Signals, Stretch]]:
     """Return signals and stretches of one joint, with load and temperature; a known model torque is subtracted.
 
     Args:
@@ -284,6 +292,7 @@ def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> 
         name: of the joint.
         cutoff: cutoff frequency of the motion's low pass [Hz].
         late: known delay of the torque [s]; the motion of the stretches is shifted by it.
+        number: of the log among the fitted ones; -1: of none of them.
     """
     found = []
     for signals in prepare(log, name, cutoff=cutoff):
@@ -297,7 +306,7 @@ def _stretches(log: Log, name: str, cutoff: float | None, late: float = 0.0) -> 
         )
         if signals.model_torque is not None:
             one = replace(one, torque=one.torque - signals.model_torque)
-        found.append((signals, one))
+        found.append((signals.of_log(number), one))
     return found
 
 
