@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from _health import about, log_of
 from backdrive import Joint, Log
@@ -110,6 +111,10 @@ def test_the_terms_of_a_motion_are_those_of_its_definition(kind, n, dt, begin):
         assert m.torque == pytest.approx(torque, rel=1e-9, abs=1e-9)
         assert np.array_equal(m.fast, fast) and 0 < fast.sum() < fast.size
         assert m.noise == pytest.approx(noise, rel=1e-9)
+        kernel = np.pad(box(np.pad(box(np.pad([1.0], 3 * light), light), 3 * heavy), heavy), 1)
+        assert m.rough / m.noise == pytest.approx(
+            np.sum(np.gradient(kernel) ** 2) / np.sum(kernel**2), rel=1e-9
+        )
         assert np.array_equal(m.fold, fold)
 
 
@@ -445,3 +450,54 @@ def test_torque_behind_a_low_pass_is_no_slip_that_a_shift_mends(by, bend):
     assert (
         not passed.repairable and "low pass" in passed.sentence and "no shift can repair it" in passed.remedy
     )
+
+
+def drawn_log(seed, how, rate):
+    """Return a log of a joint that moves in three drawn waves, with torque shifted by whole samples or behind a low pass."""
+    rng = np.random.default_rng(seed)
+    late = int(rng.integers(max(2, np.ceil(3e-3 * rate)), 19)) if how == "shift" else 0
+    before = round(rate)  # the low pass has settled when the log begins
+    t = np.arange(-before, round(20.0 * rate)) / rate
+    w, p = rng.uniform(1.0, 10.0, 3), rng.uniform(0.0, 6.0, 3)
+    k = rng.uniform(0.1, 0.6, 3) / w
+    x = np.outer(t, w) + p
+    v = np.cos(x) @ (k * w)
+    tau = 0.2 * (-np.sin(x) @ (k * w * w)) + 0.4 * np.sign(v) + 0.2 * v
+    if how == "low pass":
+        keep = np.exp(-1.0 / (rate * rng.uniform(0.01, 0.03)))
+        tau = lfilter([1.0 - keep], [1.0, -keep], tau)
+    noise = rng.choice([3e-4, 1e-3] if how == "low pass" else [3e-4, 3e-3, 0.02])
+    return log_of(
+        t.size - before,
+        1.0 / rate,
+        position=1e-4 * np.round(1e4 * (np.sin(x) @ k))[before:],
+        torque=tau[before - late : tau.size - late] + noise * rng.standard_normal(t.size - before),
+    )
+
+
+@pytest.mark.parametrize(("rate", "share"), [(200.0, 0.6), (500.0, 0.7), (1000.0, 0.4)])
+def test_a_shift_by_whole_samples_is_no_low_pass_and_most_low_passes_are_found(rate, share):
+    """Coarse counts of the position, noise and speed change what remains of either, but not which of them it was."""
+    shifts, passes = (
+        [f for seed in range(30) for f in time_slip.find(Exam(drawn_log(seed, how, rate)))]
+        for how in ("shift", "low pass")
+    )
+    assert len(shifts) >= 15 and all("low pass" not in f.sentence for f in shifts)
+    assert len(passes) >= 6 and np.mean(["low pass" in f.sentence for f in passes]) > share
+
+
+@pytest.mark.parametrize("rate", [600.0, 1433.0])
+def test_a_slip_is_told_at_rates_whose_samples_are_taken_some_apart(rate):
+    """Every third and every seventh sample is taken there, and the first of them is not the first of the log."""
+    t = np.arange(round(20.0 * rate)) / rate
+    q, v, a = (
+        0.3 * w1 * f(3.0 * t) + 0.1 * w2 * f(8.0 * t + 1.0)
+        for f, w1, w2 in ((np.sin, 1.0, 1.0), (np.cos, 3.0, 8.0), (np.sin, -9.0, -64.0))
+    )
+    noise = 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    exam = Exam(
+        log_of(
+            t.size, 1.0 / rate, position=q, torque=np.roll(0.2 * a + 0.4 * np.sign(v) + 0.2 * v + noise, 8)
+        )
+    )
+    assert time_slip.estimate(exam, 0).samples == pytest.approx(8.0, abs=0.1)

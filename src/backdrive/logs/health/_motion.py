@@ -20,7 +20,6 @@ from backdrive.logs.resolution import white_noise
 _LIGHT, _HEAVY, _FEWEST = 0.01, 0.03, 3
 _FOLDS = 12
 _EVEN = 1e-9  # range of the intervals below which they differ by rounding only [interval]
-_FORGOTTEN = 4.0  # settling time of a low pass after a reversal [time constant]
 #: Most other joints whose accelerations are terms; with all of many, the cost would grow with the square of their number.
 _OTHERS = 12
 #: Below this share of the top speed, presliding and frictional lag dominate the friction.
@@ -41,6 +40,7 @@ class Motion:
         shifts: in samples, (k,).
         fast: True where the filters contain no slow motion and no reversal, (m,).
         noise: variance of the noise left in the filtered torque [(N.m)2 or N2].
+        rough: variance of the noise left in its change from sample to sample, by central differences [(N.m)2 or N2].
         fold: number of the stretch of the log that each instant belongs to, (m,).
         others: columns of the other joints that accelerate; of many, those that go along with the torque most.
     """
@@ -52,6 +52,7 @@ class Motion:
     shifts: np.ndarray
     fast: np.ndarray
     noise: float
+    rough: float
     fold: np.ndarray
     others: list[int]
 
@@ -70,7 +71,7 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         return None
     light, heavy = _widths(exam.period)
     every, shifts, skip = heavy // 2, np.arange(-reach, reach + 1), _skip(heavy)
-    each, plain, top = _columns(exam, j, _first(heavy, reach, skip) % skip, skip)
+    each, plain, top = _columns(exam, j, reach % skip, skip)
     terms, torque, fast, raws = (list[np.ndarray]() for _ in range(4))
     for number, raw in enumerate(exam.by_block("torque", j)):
         v = own[number][1]
@@ -97,7 +98,8 @@ def motion(exam: Exam, j: int, reach: int) -> Motion | None:
         torque=delayed,
         shifts=shifts,
         fast=np.concatenate(fast),
-        noise=white**2 * _gain(*_widths(exam.period)),
+        noise=white**2 * _gain(light, heavy),
+        rough=white**2 * _gain(light, heavy, change=True),
         fold=(np.arange(m) * _FOLDS) // m,
         others=others,
     )
@@ -128,8 +130,7 @@ def _directions(exam: Exam, joints: tuple[int, ...], reach: int) -> np.ndarray:
     return pulls / np.maximum(np.sqrt(np.einsum("jm,jm->j", pulls, pulls)), 1e-150)[:, None]
 
 
-@once
-def _columns(exam: Exam, j: int, first: int = 0, skip: int = 1) -> tuple[list[np.ndarray], int, float]:
+def _columns(exam: Exam, j: int, first: int, skip: int) -> tuple[list[np.ndarray], int, float]:
     """Return a joint's own terms of `Motion` by block before the heavy means, (p, n) each, how many are plain, its top speed.
 
     Args:
@@ -153,38 +154,6 @@ def _columns(exam: Exam, j: int, first: int = 0, skip: int = 1) -> tuple[list[np
         columns += [v * size, way * np.exp(size / (-0.05 * top))]
         parts.append(np.array(columns))
     return parts, plain, top
-
-
-def lagging(
-    exam: Exam, j: int, others: list[int], reach: int, seconds: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the terms of `motion` behind a low pass of first order, (m, p), and where slow motion is forgotten, (m,).
-
-    Args:
-        exam: the log.
-        j: column of the joint.
-        others: `Motion.others`.
-        reach: as `motion` was called with it [sample].
-        seconds: time constant of the low pass [s].
-    """
-    from scipy.signal import lfilter
-
-    heavy, gain = _widths(exam.period)[1], -np.expm1(-exam.period / seconds)
-    each, _, top = _columns(exam, j)
-    pulls = [_path(exam, k) or [] for k in others]
-    parts, forgotten = (list[np.ndarray]() for _ in range(2))
-    memory = round(_FORGOTTEN * seconds / exam.period)
-    for number, own in enumerate(each):
-        if not own.size:
-            continue
-        x = np.vstack([own, *(path[number][2] for path in pulls)])
-        late = lfilter([gain], [1.0, gain - 1.0], x, axis=1, zi=(1.0 - gain) * x[:, :1])[0]
-        filtered = sparse(late, heavy, reach).T
-        at = reach + heavy // 2 * np.arange(len(filtered))
-        slow = np.concatenate([[0], np.cumsum(np.abs(x[2]) < SLOW * top)])
-        parts.append(filtered)
-        forgotten.append(slow[np.maximum(at - memory, 0)] == slow[at + 3 * heavy - 2])
-    return np.concatenate(parts), np.concatenate(forgotten)
 
 
 def bent(exam: Exam, j: int, reach: int, widths: np.ndarray) -> np.ndarray:
@@ -263,14 +232,15 @@ def sparse(x: np.ndarray, width: int, reach: int, skip: int = 1, size: int | Non
     The samples of each half width are weighted by what they count in every window that they are part of; then windows add up.
 
     Args:
-        x: all samples of each row, or those `skip` apart, from `_first` of them modulo `skip` on.
+        x: all samples of each row, or those `skip` apart from number `reach` modulo `skip` on.
         width: of each running mean [sample].
         reach: as `motion` was called with it [sample].
         skip: a divisor of half the width [sample].
         size: number of all samples; None: that of the given ones.
     """
-    offset, whole, first = x[:, :1], _weights(width), _first(width, reach, skip)
-    weights, step, begin = whole[(first - reach) :: skip], width // 2 // skip, first // skip
+    offset, whole = x[:, :1], _weights(width)
+    # the middle of a window is three half widths from its begin, so it is among those that are taken
+    weights, step, begin = whole[::skip], width // 2 // skip, reach // skip
     parts, room = -(-weights.size // step), (size or x.shape[1]) - whole.size + 1 - 2 * reach
     m = max(-(-room // (width // 2)), 0)
     held = np.empty((x.shape[0], (m + parts - 1) * step))
@@ -284,11 +254,6 @@ def sparse(x: np.ndarray, width: int, reach: int, skip: int = 1, size: int | Non
     for k in range(1, parts):
         total += sums[k, :, k : k + m]
     return total
-
-
-def _first(width: int, reach: int, skip: int) -> int:
-    """Return the first sample that counts in the first window, with others `skip` apart, one of which is in its middle."""
-    return reach + _weights(width).size // 2 % skip
 
 
 @lru_cache(maxsize=16)
@@ -309,11 +274,13 @@ def _weights(width: int) -> np.ndarray:
 
 
 @lru_cache(maxsize=16)
-def _gain(*widths: int) -> float:
-    """Return the variance of unit white noise after the running means."""
+def _gain(*widths: int, change: bool = False) -> float:
+    """Return the variance of unit white noise after the running means, or of its change from sample to sample."""
     kernel = np.ones(1)
     for width in widths:
         kernel = np.convolve(kernel, _weights(width))
+    if change:
+        kernel = np.convolve(kernel, [0.5, 0.0, -0.5])
     return float(kernel @ kernel)
 
 

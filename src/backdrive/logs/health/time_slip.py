@@ -17,7 +17,7 @@ from backdrive.logs.health._finding import (
     keep_rows,
     with_columns,
 )
-from backdrive.logs.health._motion import bent, jackknife, lagging, motion, normal_equations, solvable
+from backdrive.logs.health._motion import bent, jackknife, motion, normal_equations, solvable
 from backdrive.logs.health.jitter import LIMIT
 
 #: Largest slip that is sought [sample].
@@ -40,6 +40,8 @@ _DISTANCES = (0.005, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.2)
 _REAL = 0.5
 #: Fewest instants; and time constants of a low pass that a slip may be instead, by the slip [1].
 _FEWEST, _LAGS = 100, (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)
+#: A low pass explains torque better than a shift if it reduces the misfit further by this many standard errors.
+_BETTER = 2.0
 #: Only a shift reduces the misfit below this share [1].
 _EXACT = 0.01
 #: Share of sample-to-sample noise in the torque above which no timing is estimated [1].
@@ -72,7 +74,7 @@ def find(exam: Exam) -> Iterator[Finding]:
     The torque is regressed on acceleration, friction and position at each shift; reversals, where friction itself lags,
     are left out. The standard error comes from leaving out one stretch of the log at a time. A log that moves in one direction
     only shows too few changes of torque to time them. Friction that builds up over a distance is not a slip, although it looks
-    like one in a slow joint under gravity. If a low pass explains the torque better than any shift, no shift can repair it.
+    like one in a slow joint under gravity. If a low pass explains the torque clearly better than any shift, no shift can repair it.
     """
     for j, joint in exam:
         slip = estimate(exam, j)
@@ -132,21 +134,23 @@ def _by_distance(exam: Exam, j: int, slip: Slip) -> bool:
 
 
 def _by_low_pass(exam: Exam, j: int, slip: Slip) -> float:
-    """Return the time constant of a low pass that explains late torque better than any shift [s]; 0 where none does.
+    """Return the time constant of a low pass that explains late torque clearly better than any shift [s]; 0 where none does.
 
-    Both are compared where the low pass has forgotten the last reversal: how friction passes zero does not show the timing.
+    Torque before a low pass of first order is what was logged plus the time constant times its rate. So both are told by the same
+    terms at the same instants. What noise adds by the rate does not count against the low pass.
     """
     m = motion(exam, j, REACH)
-    late = slip.samples * exam.period
-    if m is None or late <= 0.0:
+    if m is None or slip.samples <= 0.0:
         return 0.0
-    used = m.fast & lagging(exam, j, m.others, REACH, late)[1]
-    if np.count_nonzero(used) < _FEWEST:
-        return 0.0
-    now = m.torque[used][:, [REACH]]
-    shifted = _bottom(_misfits(m.terms[used], m.torque[used]))
-    lagged = np.array([_misfits(lagging(exam, j, m.others, REACH, x * late)[0][used], now)[0] for x in _LAGS])
-    return _LAGS[int(np.argmin(lagged))] * late if _bottom(lagged) < shifted else 0.0
+    y, lags = m.torque[m.fast], slip.samples * np.array(_LAGS)
+    change = 0.5 * (y[:, REACH + 1] - y[:, REACH - 1])
+    before = y[:, [REACH]] + change[:, None] * lags
+    whole, left = _without(m.terms[m.fast], np.concatenate([y, before], axis=1), m.fold[m.fast])
+    lag = _minimum(lags, whole[y.shape[1] :])
+    further = [_bottom(x[: y.shape[1]]) - _bottom(x[y.shape[1] :]) for x in (whole, *left)]
+    noise = y.shape[0] * m.rough * lag**2
+    clear = further[0] + noise > _BETTER * jackknife(np.array(further[1:]))
+    return lag * exam.period if clear else 0.0
 
 
 @once
@@ -161,13 +165,11 @@ def estimate(exam: Exam, j: int) -> Slip | None:
     if not exam.noise("torque", j) < _NOISY * np.std(exam.sample("torque", j)):
         return None  # the kicks of a controller on a coarse encoder hide any timing
     y = m.torque[m.fast]
-    gram, cross, power = normal_equations(m.terms[m.fast], y, m.fold[m.fast])
-    if gram.shape[0] < 4:
+    if np.unique(m.fold[m.fast]).size < 4:
         return None
-    g, c, p = solvable(gram.sum(axis=0)), cross.sum(axis=0), power.sum(axis=0)
-    misfit = _misfit(g, c, p)
+    misfit, others = _without(m.terms[m.fast], y, m.fold[m.fast])
     best = _minimum(m.shifts, misfit)
-    left = np.array([_minimum(m.shifts, x) for x in _misfit(g - gram, c - cross, p - power)])
+    left = np.array([_minimum(m.shifts, x) for x in others])
     # the part that noise alone leaves is not evidence
     now, then = misfit[REACH] / y.shape[0], misfit.min() / y.shape[0]
     noise = min(0.5 * m.noise, 0.9 * then)
@@ -186,6 +188,13 @@ def _reverses(velocity: np.ndarray) -> bool:
 def _misfit(gram: np.ndarray, cross: np.ndarray, power: np.ndarray) -> np.ndarray:
     """Return the squared misfit (..., k) by normal equations: x'x (..., p, p), x'y (..., p, k) and y'y (..., k)."""
     return np.maximum(power - np.sum(cross * np.linalg.solve(gram, cross), axis=-2), 0.0)
+
+
+def _without(terms: np.ndarray, torque: np.ndarray, fold: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the squared misfit of each column of torque (m, k) by terms (m, p), (k,), and without each fold, (f, k)."""
+    gram, cross, power = normal_equations(terms, torque, fold)
+    g, c, p = solvable(gram.sum(axis=0)), cross.sum(axis=0), power.sum(axis=0)
+    return _misfit(g, c, p), _misfit(g - gram, c - cross, p - power)
 
 
 def _misfits(terms: np.ndarray, torque: np.ndarray) -> np.ndarray:
