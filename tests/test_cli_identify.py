@@ -75,7 +75,7 @@ def test_what_is_not_credible_is_below_the_gate(folder, tmp_path):
         (["identify", "{a}", "-o", "{folder}/no/such/m.json"], 2, "Cannot write"),
         (["identify", "{folder}/none.npz"], 3, "none.npz"),
         (["identify", "{folder}/garbage.npz"], 3, "garbage.npz"),
-        (["validate", "{folder}/r.html", "{a}"], 3, "damaged"),
+        (["validate", "{folder}/r.html", "{a}"], 3, "no friction model"),
         (["identify", "{a}", "--gear", "x"], 2, "--gear"),
         (["identify", "{a}", "--payload", "5"], 2, "neither 0 nor SIN:COS"),
         (["identify", "{a}", "--payload", "0:nan"], 2, "neither 0 nor SIN:COS"),

@@ -10,7 +10,7 @@ import pytest
 from backdrive.identification.projection import inverse_of, orthonormal
 from backdrive.identification.residual import TURN
 from backdrive.identification.waves import sums_by_place, waves_at
-from backdrive.logs.health._motion import _first, _skip, running, sparse
+from backdrive.logs.health._motion import _skip, running, sparse
 from backdrive.logs.quantiles import at_rank, median, quantile
 from backdrive.logs.readers import npz
 
@@ -138,7 +138,7 @@ def test_means_of_some_samples_are_those_of_all(width, reach):
     skip = _skip(width)
     assert width // 2 % skip == 0 and (skip > 1 or width < 31)
     every = sparse(x, width, reach)
-    some = sparse(x[:, _first(width, reach, skip) % skip :: skip], width, reach, skip, x.shape[1])
+    some = sparse(x[:, reach % skip :: skip], width, reach, skip, x.shape[1])
     assert some.shape == every.shape
     assert some[0] == pytest.approx(every[0], abs=0.01 * smooth.std())
     assert some[1] == pytest.approx(every[1], abs=0.8 * skip / width if skip > 1 else 1e-12)  # where it jumps
