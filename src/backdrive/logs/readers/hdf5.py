@@ -58,7 +58,7 @@ def read(path: str, options: ReadOptions) -> Columns:
     try:
         with h5py.File(path, "r", libver=("earliest", "latest"), locking=False) as file:
             _walk(file, "", found, lists, left, {file.id.__hash__()}, 0)
-            options.limits.check_count(len(found), "datasets")
+            options.limits.check_count(len(found) + len(lists), "datasets")
             declared = sum(_size_of(data) for data in found.values())
             options.limits.check_size(declared, os.path.getsize(path), "The file")
             for name, data in lists.items():
