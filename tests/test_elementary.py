@@ -19,15 +19,28 @@ NORMAL = 2.3e-308
 ONE = {  # name -> units in the last place that are admitted, and arguments
     "exp": (
         0.54,
-        lambda r, n: [*r.uniform(-708.0, 709.78, n), *r.normal(size=n), *tiny(r, n), 709.7827, -708.0],
+        lambda r, n: [
+            *r.uniform(-708.0, 709.78, n),
+            *r.uniform(-708.0, -690.0, n),
+            *r.normal(size=n),
+            *tiny(r, n),
+            709.7827,
+            -708.0,
+        ],
     ),
     "log": (
         0.54,
         lambda r, n: [*10.0 ** r.uniform(-307, 308, n), *abs(1.0 + tiny(r, n)), *r.uniform(0.5, 2, n)],
     ),
     "tanh": (0.54, lambda r, n: [*r.uniform(-23.0, 23.0, n), *r.uniform(-0.3, 0.3, n), *tiny(r, n)]),
-    "sin": (0.8, lambda r, n: [*r.uniform(-1e6, 1e6, n), *r.uniform(-7, 7, n), *tiny(r, n), *quarters(r, n)]),
-    "cos": (0.8, lambda r, n: [*r.uniform(-1e6, 1e6, n), *r.uniform(-7, 7, n), *tiny(r, n), *quarters(r, n)]),
+    "sin": (
+        0.54,
+        lambda r, n: [*r.uniform(-1e6, 1e6, n), *r.uniform(-7, 7, n), *tiny(r, n), *quarters(r, n)],
+    ),
+    "cos": (
+        0.54,
+        lambda r, n: [*r.uniform(-1e6, 1e6, n), *r.uniform(-7, 7, n), *tiny(r, n), *quarters(r, n)],
+    ),
 }
 
 
@@ -36,7 +49,7 @@ def tiny(r, n):
 
 
 def quarters(r, n):
-    return np.round(r.uniform(-6e5, 6e5, n)) * (0.5 * np.pi)
+    return [*np.round(r.uniform(-6e5, 6e5, n)) * (0.5 * np.pi), *(0.25 * np.pi + r.uniform(-0.02, 0.02, n))]
 
 
 def off(value, truth):

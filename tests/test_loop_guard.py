@@ -553,3 +553,35 @@ def test_the_count_tells_a_watchdog_that_nobody_calls():
     loop.update(ONE, ONE, np.nan)
     assert loop.count == 3
     assert loop.count == 3
+
+
+def test_a_dither_is_below_half_the_rate():
+    with pytest.raises(
+        InvalidInput, match=r"frequency = 500 Hz is not below half the rate of the loop, 500 Hz"
+    ):
+        loop_of(alg_fc(RATE, K, dither=Dither(frequency=500.0)))
+    loop_of(alg_fc(RATE, K, dither=Dither(frequency=500.0)), dt=5e-4)
+
+
+def far(begin, place):
+    """Return the last torque of a loop that knows gravity, and the external force, along half a radian from a place on."""
+    heavy = ExternalForce(inertia=2.0, friction=FC.friction, gravity_sin=5.0, gravity_cos=3.0)
+    loop = loop_of(external=heavy)
+    loop.reset(np.full(1, begin))
+    f, _ = run(loop, place + 5e-4 * np.arange(3000))
+    return f[-1], loop.external[0]
+
+
+def test_half_a_million_turns_away_a_loop_works_as_near():
+    near, away = far(0.0, 0.0), far(3e6, 3e6)
+    assert near[0] == pytest.approx(6.8, abs=0.01)
+    assert away[0] == pytest.approx(near[0], abs=0.01)
+    assert np.isfinite(away[1])
+
+
+@pytest.mark.parametrize("place", [1.2e15, 1e17])
+def test_where_no_sine_is_known_the_torque_ends_at_zero(place):
+    """Sines hold up to 2^50 rad; a loop cannot begin beyond 1e12."""
+    assert far(0.0, place) == (0.0, 0.0)
+    with pytest.raises(InvalidInput, match=r"positions reaches .* Give numbers, each between -1e12 and 1e12"):
+        far(place, place)

@@ -15,6 +15,7 @@ from backdrive._documents import is_several
 from backdrive.errors import InvalidInput
 
 BIG = 1e12  # larger numbers are implausible [SI]
+MOST = "1e12"  # in words
 
 
 class Bound(NamedTuple):
@@ -35,9 +36,9 @@ class Bound(NamedTuple):
         low = f"above {self.low:g}" if self.open_low else f"{self.low:g} or more"
         low = "above zero" if 0.0 < self.low <= 1.0 / BIG else low
         if self.low <= -BIG and self.high >= BIG:
-            return "that is finite"
+            return f"between -{MOST} and {MOST}"
         if self.high >= BIG:
-            return low if math.isinf(self.high) else f"{low}, and finite"
+            return low if math.isinf(self.high) else f"{low}, and at most {MOST}"
         return f"{low} and {f'below {self.high:g}' if self.open_high else f'at most {self.high:g}'}"
 
 
@@ -97,8 +98,7 @@ def fault(name: str, value: Any, bound: Bound) -> str | None:
     if inside and (len(ends) == 1 or list(ends) == sorted(ends)):
         return None
     given = ":".join(str(x) if isinstance(x, int) else f"{x:g}" for x in ends)
-    rule = f"it has to be {bound}".replace("be that is", "be")
-    rule = "its lower end has to come first" if inside else rule
+    rule = "its lower end has to come first" if inside else f"it has to be {bound}"
     return f"{name} = {given}{f' {bound.unit}' if bound.unit else ''}, {rule}"
 
 

@@ -144,8 +144,10 @@ class Compensator(WithBounds):
             self.extra.check(self.friction.law)
 
     def row(self, dt: float) -> np.ndarray:
-        """Return the row that `tick` reads, (ROW,)."""
+        """Return the row that `tick` reads, (ROW,); `InvalidInput` where the dither is too fast for a period dt [s]."""
         c = np.zeros(ROW)
+        if self.dither is not None:
+            self.dither.check(dt)
         c[0], c[1] = self.share, float(self.friction.law.element.SLIDER)
         c[FRICTION:DITHER] = self.friction.row()
         c[DITHER:EXTRA] = NONE if self.dither is None else self.dither.row()

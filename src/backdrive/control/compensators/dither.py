@@ -20,6 +20,7 @@ import numpy as np
 
 from backdrive._jit import jit, leaf
 from backdrive.elementary import sin
+from backdrive.errors import InvalidInput
 from backdrive.parameters import POSITIVE, Bound, WithBounds
 
 MODES = ("fixed", "reset", "adaptive")
@@ -100,6 +101,21 @@ class Dither(WithBounds):
     counts: float = 2.0
     window: float = 0.07
     growth: float = 0.1
+
+    def check(self, dt: float) -> None:
+        """Refuse a frequency that a loop cannot make.
+
+        Args:
+            dt: period of the loop [s].
+
+        Raises:
+            InvalidInput: the frequency is not below half the rate of the loop.
+        """
+        if not self.frequency < 0.5 / dt:
+            raise InvalidInput(
+                f"Dither: frequency = {self.frequency:g} Hz is not below half the rate of the loop, {0.5 / dt:g} Hz.",
+                remedy="Lower the frequency, or run the loop at a higher rate.",
+            )
 
     def row(self) -> np.ndarray:
         """Return the row that `tick` reads, (7,)."""
