@@ -12,7 +12,9 @@ two doubles follow T. J. Dekker (Numer. Math. 18, 1971). Series are Taylor's but
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import factorial, inf, nan
+from typing import Any
 
 import numpy as np
 
@@ -33,7 +35,9 @@ SPLIT = 134217729.0  # 2^27 + 1: parts a double into halves of 26 bits
 MANTISSA, EXPONENT_OF_1 = (1 << 52) - 1, 1023 << 52
 UPPER = 53  # place in the table of logarithms from which on a mantissa counts as half, above sqrt(2)
 
-_table = np.array if COMPILED else list  # as compiled code reads it fastest, or as plain Python does
+_table: Callable[..., Any] = (
+    np.array if COMPILED else list
+)  # as compiled code reads it fastest, or as plain Python does
 LOGARITHMS, LOG_2 = logarithms()
 POWERS = _table(powers())
 LOGS = _table([[*parts(x - (LOG_2 if j >= UPPER else 0), 41), N / (N + j)] for j, x in enumerate(LOGARITHMS)])
@@ -49,8 +53,11 @@ MAGIC, BY_LOG_2, LOG_2_HIGH, LOG_2_LOW, HALF, SIXTH, E4, E5, E6, E7, E8, E9, E10
 )
 BY_HALF_PI = double((ONE << BITS) // half_pi())
 PI_1, PI_2, PI_3, PI_4 = parts(half_pi(), 32, 64, 96)
-S3, S5, S7, S9, S11, S13, S15, S17 = [(-1) ** (n // 2) / factorial(n) for n in range(3, 19, 2)]
-C4, C6, C8, C10, C12, C14, C16, C18 = [(-1) ** (n // 2) / factorial(n) for n in range(4, 20, 2)]
+S3 = -1 / 6
+#: of the sine behind r^3, and of the cosine behind r^2
+WAVES: list[list[float]] = _table(
+    [[(-1) ** (n // 2) / factorial(n) for n in range(first, first + 16, 2)] for first in (5, 4)]
+)
 T3, T5, T7, T9 = -1 / 3, 2 / 15, -17 / 315, 62 / 2835
 T11, T13, T15, T17 = -1382 / 155925, 21844 / 6081075, -929569 / 638512875, 6404582 / 10854718875
 
@@ -259,24 +266,26 @@ def quarter_turns(x: float):
 
 @leaf
 def wave(k: int, r: float, low: float):
-    """Return the sine of r + low and k quarter turns, |r| <= pi/4."""
+    """Return the sine of r + low and k quarter turns, |r| <= pi/4. Without a branch: no processor foretells the quarter."""
+    even = k & 1 == 0
+    row = WAVES[k & 1]
+    z = r * r
     coarse = (r + COARSE) - COARSE
     fine = (r - coarse) + low
     square, more = coarse * coarse, fine * (2.0 * coarse + fine)  # the first exact; (r + low)^2 is their sum
-    z = square + more
-    if k & 1:
-        series = C10 + z * (C12 + z * (C14 + z * (C16 + z * C18)))
-        lack = (square - z) + more  # of z
-        rest = z * z * (C4 + z * (C6 + z * (C8 + z * series))) + (2.0 * C4 * z * lack - 0.5 * more)
-        value = (1.0 - 0.5 * square) + rest  # the first exact
-    else:
-        series = S11 + z * (S13 + z * (S15 + z * S17))
-        cube = square * coarse  # exact
-        first = cube * S3
-        lack = ((4.0 * first + cube) + 2.0 * first) * S3  # of it, the sums exact
-        rest = lack + (coarse * more + fine * z) * S3 + z * z * r * (S5 + z * (S7 + z * (S9 + z * series)))
-        begin = r + first
-        value = begin + ((r - begin) + first + (low + rest))
+    cube = square * coarse  # exact
+    sixth = cube * S3
+    lack = ((4.0 * sixth + cube) + 2.0 * sixth) * S3  # of it, the sums exact
+    of_sine = lack + (coarse * more + fine * z) * S3
+    of_cosine = z * ((square - z) + more) * (1.0 / 12.0) - 0.5 * more
+    begin = r if even else 1.0
+    second = sixth if even else -0.5 * square
+    first = begin + second
+    fourth = z * z
+    series = (row[2] + z * row[3]) + fourth * ((row[4] + z * row[5]) + fourth * (row[6] + z * row[7]))
+    series = row[0] + (z * row[1] + fourth * series)
+    rest = ((begin - first) + second) + (low + of_sine if even else of_cosine)
+    value = first + (rest + fourth * begin * series)
     return -value if k & 2 else value
 
 

@@ -27,8 +27,8 @@ STATES = 5  # p, w, q, v, c
 def gravity(j, q):
     """Torque of gravity and of the offset at the load's position q."""
     a, b = j[4], j[5]
-    if a == 0.0 and b == 0.0:
-        return j[9]
+    if a == 0.0:
+        return j[9] if b == 0.0 else b * cos(q) + j[9]
     return a * sin(q) + b * cos(q) + j[9]
 
 

@@ -104,22 +104,29 @@ class Problem(ABC):
     def residuals(self, points: np.ndarray) -> np.ndarray:
         """Return predicted minus measured values for a batch of search points [unit of the measurement], (B, m)."""
         predicted = self.predict([self.values(p) for p in points])
-        residual, begin = np.empty((len(points), sum(rows.size for rows, _ in self._measurements))), 0
+        residual, begin = np.empty((len(points), sum(y.size for _, y in self._measurements))), 0
         for x, (rows, y) in zip(predicted, self._measurements, strict=True):
-            part = residual[:, begin : begin + rows.size]
-            for ahead, model in zip(
-                part, x, strict=True
-            ):  # row by row, without a temporary array of full size
-                np.take(model, rows, out=ahead, mode="clip")  # no copy, as it would be by the default mode
-                ahead -= y
-            begin += rows.size
+            part = residual[:, begin : begin + y.size]
+            if isinstance(rows, slice):
+                np.subtract(x[:, rows], y, out=part)
+            else:
+                for ahead, model in zip(part, x, strict=True):  # without a temporary array of full size
+                    np.take(
+                        model, rows, out=ahead, mode="clip"
+                    )  # no copy, as it would be by the default mode
+                    ahead -= y
+            begin += y.size
         return residual
 
     @cached_property
-    def _measurements(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """The samples that count, (m,), and the signal measured there, (m,), of each record."""
+    def _measurements(self) -> list[tuple[np.ndarray | slice, np.ndarray]]:
+        """The samples that count, a slice or (m,), and the signal measured there, (m,), of each record."""
         rows = [(y, np.flatnonzero(counts)) for y, counts in self.series()]
-        return [(index, y[index]) for y, index in rows]
+        whole = [index.size > 0 and index[-1] - index[0] + 1 == index.size for _, index in rows]
+        return [
+            (slice(index[0], index[-1] + 1) if all_ else index, y[index])
+            for (y, index), all_ in zip(rows, whole, strict=True)
+        ]
 
     def encoder(self, point: np.ndarray) -> np.ndarray:
         """Return the change of the residuals for random encoder rounding errors, one draw per row, (draws, m).
