@@ -194,3 +194,47 @@ def test_the_reference_is_the_input_of_a_position_controller(servo_log, found):
     assert any("reference" in note and "input of the drive" in note for note in result.notes)
     with pytest.raises(InvalidInput, match="drive_input"):
         identify(goal, law="coulomb", drive=DriveModel(controller="velocity", proportional=1.0))
+
+
+def continuous(seed):
+    """Return goal and position of a servo that acts every 20 us on a goal 4 ms old, integrated here, at 500 Hz."""
+    h, every, late, random = 2e-5, 100, 200, np.random.default_rng(seed)
+    t = h * np.arange(round(8.0 / h))
+    goal = 0.6 * np.sin(2 * np.pi * 0.31 * t + random.uniform(0, 6)) + 0.2 * np.sin(
+        2 * np.pi * 1.3 * t + random.uniform(0, 6)
+    )
+    rate = np.gradient(goal, h)
+    q, v, out = goal[0], 0.0, np.empty(t.size)
+    for k in range(t.size):
+        out[k] = q
+        i = max(k - late, 0)
+        free = v + h / 0.05 * (60.0 * (goal[i] - q) + 0.8 * (rate[i] - v) - 0.4 * v)
+        most = h / 0.05 * (1.0 + 0.5 * np.exp(-((v / 0.05) ** 2)))
+        v = 0.0 if abs(free) <= most else free - np.copysign(most, free)
+        q += h * v
+    return goal[::every], out[::every] + 2e-5 * random.standard_normal(t.size // every)
+
+
+def test_what_depends_on_the_step_of_the_controller_is_said():
+    """The 1 ms of the simulation take 0.03 N.m.s/rad and 0.0004 kg.m^2 from a servo that acts every 20 us."""
+    goal, position = continuous(0)
+    gains = {"proportional": 60.0, "derivative": 0.8}
+    log = Log(
+        time=2e-3 * np.arange(goal.size),
+        joints=(Joint(name="elbow"),),
+        position=position[:, None],
+        drive_input=goal[:, None],
+        drive=Drive(law="position", gains=gains),
+    )
+    wide, close = (identify(log, law="stribeck-gauss", step=step).model.joints[0] for step in (None, 1e-4))
+    assert wide.law.rate.viscous == pytest.approx(0.43, abs=0.005)
+    assert close.law.rate.viscous == pytest.approx(0.403, abs=0.005)
+    assert wide.dynamics["inertia"].value == pytest.approx(0.0504, abs=1e-4)
+    assert close.dynamics["inertia"].value == pytest.approx(0.05004, abs=1e-4)
+    (said,) = [w for w in wide.warnings if "controller" in w]
+    assert (
+        "every 1 ms" in said
+        and "viscous friction by up to 0.03 N.m.s/rad (3.8 % of" in said
+        and "--step SECONDS" in said
+    )
+    assert wide.verdict.grade == "care" and not any("controller" in w for w in close.warnings)

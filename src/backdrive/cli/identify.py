@@ -117,7 +117,9 @@ def command(
     step: Annotated[
         float | None,
         typer.Option(
-            "--step", help="Longest integration step of a fit with --drive [s].  [default: by the drive]"
+            "--step",
+            help="Longest integration step of a fit with --drive, and the period of a position controller in the drive [s].  "
+            "[default: by the drive]",
         ),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Seed of a search's starting points.")] = 0,

@@ -47,6 +47,7 @@ RULES: tuple[Rule, ...] = (
     residual.structure,
     laws.break_away,
     laws.vague_level,
+    laws.controller_step,
     residual.slow_peak,
     residual.torque_steps,
     residual.encoder_steps,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from backdrive.identification.remark import EARLY, SHARE, SURE, Case, Remark
 from backdrive.laws.direction import ByDirection
 
@@ -46,6 +48,37 @@ def vague_level(case: Case) -> Remark | None:
         severity="care",
         sentence=f"The motion does not determine {', '.join(vague)}: the value is no larger than its error. The curve may be right "
         "at the speeds of the motion; use a law with fewer numbers (--law coulomb-viscous).",
+    )
+
+
+def controller_step(case: Case) -> Remark | None:
+    """Remark on viscous friction and inertia that depend on how often the drive's controller acts, which no log tells."""
+    if case.evidence.controller_step is None:
+        return None
+    step, damping, mass = case.evidence.controller_step
+    curve, unit = case.evidence.curve, case.friction.joint.unit
+    top = int(np.argmax(np.abs(curve.velocity)))
+    speed, friction = abs(float(curve.velocity[top])), abs(float(curve.torque[top]))
+    inertia, error = case.value("inertia")
+    viscous = [abs(v) for name, v in case.friction.law.rate.values().items() if name.startswith("viscous")]
+    less, parts, much = damping * speed, [], False
+    if less > max(SLIGHT * friction, np.nan_to_num(curve.standard_error[top])):
+        parts.append(
+            f"viscous friction by up to {damping:.3g} {case.unit}.s/{unit} ({100.0 * less / friction:.2g} % of the friction at "
+            f"{speed:.3g} {unit}/s)"
+        )
+        much = less > SHARE * friction or damping > SHARE * max(viscous, default=math.inf)
+    if mass > max(SLIGHT * inertia, np.nan_to_num(error)):
+        parts.append(
+            f"inertia by up to {mass:.3g} {'kg.m^2' if unit == 'rad' else 'kg'} ({100.0 * mass / inertia:.2g} %)"
+        )
+        much = much or mass > SHARE * inertia
+    if not parts:
+        return None
+    return Remark(
+        severity="care" if much else "note",
+        sentence=f"The controller of the drive acts every {1e3 * step:.3g} ms here. If it acts more often, it damps more, and "
+        f"there is less {' and '.join(parts)}. Give its period (--step SECONDS).",
     )
 
 

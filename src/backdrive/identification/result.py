@@ -77,6 +77,9 @@ class JointEvidence:
         residual: the torque residual in short means; None if the method has none.
         precision: expected and achieved standard errors of the joint's friction and its link's bodies; method `arm` only.
         unplaced: amplitude of gravity that was fitted along an integrated velocity and is no part of the model [N.m]; 0 if none.
+        controller_step: (h, K_p h/2, K_d h/2): step at which a simulated position controller acted [s], which nobody gave, and the
+            damping [N.m.s/rad or N.s/m] and inertia [kg.m^2 or kg] that this takes from a joint whose controller always acts on an
+            input that is late by h/2 at least; None without a controller.
     """
 
     joint: str
@@ -89,6 +92,7 @@ class JointEvidence:
     residual: Residual | None = None
     precision: tuple[StandardError, ...] = ()
     unplaced: float = 0.0
+    controller_step: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from backdrive._catalog import lookup
-from backdrive.engine import Axis
+from backdrive.engine import Axis, DriveModel
 from backdrive.identification.dynamic import choice, directions, starts
 from backdrive.identification.dynamic.drive_stretch import (
     DriveStretch,
@@ -223,16 +223,30 @@ class MotionTask(Task):
             self._estimates(final),
             "motion given the drive's input",
         )
+        shown = replace(shown, controller_step=self._controller_step(final))
         return replace(friction, actuator=actuator_of(final.axis)), shown
+
+    def _controller_step(self, final: Fit) -> tuple[float, float, float] | None:
+        """Return the step at which a position controller acted, if nobody gave it [s], and damping and inertia that it takes."""
+        drive = final.axis.drive
+        if drive.controller != "position" or self.options.step is not None:
+            return None
+        step = self._step(final)
+        reach = 0.5 * step * force_of(drive)
+        return step, reach * drive.proportional, reach * drive.derivative
 
     def settings(self, final: Fit, held_out: float) -> dict[str, Any]:
         """Return drive, integration step and error of the motion, with which the simulation can be repeated."""
-        assert isinstance(final.problem, MotionProblem)
         return {
             "drive": describe_drive(final.axis.drive),
-            "step": final.problem.logs[0].dt / final.problem.substeps,
+            "step": self._step(final),
             "motion": {"error": final.rms, "held_out": held_out, "unit": self.info.unit},
         }
+
+    def _step(self, final: Fit) -> float:
+        """Return the integration step of a fit [s]."""
+        assert isinstance(final.problem, MotionProblem)
+        return final.problem.logs[0].dt / final.problem.substeps
 
     def _in_torque(self, one: Fit, stretches: Sequence[Stretch]) -> Fit:
         """Return a fit of motion as a fit of the torque that the drive must have produced."""
@@ -271,16 +285,18 @@ class MotionTask(Task):
 
 def actuator_of(axis: Axis) -> Actuator:
     """Return the actuator of an axis with its drive: gain of an open-loop drive, torque limit and motor inertia."""
-    drive = axis.drive
-    force = 1.0  # stall torque per unit of the controller's output
-    if drive.actuator == "motor":
-        force = drive.supply * drive.torque_constant / drive.resistance
+    drive, force = axis.drive, force_of(axis.drive)
     limit = force * drive.limit
     return Actuator(
         gain=force * drive.gain if drive.controller == "open" else None,
         torque_limit=limit if np.isfinite(limit) else None,
         motor_inertia=axis.inertia if axis.load_inertia > 0.0 else None,
     )
+
+
+def force_of(drive: DriveModel) -> float:
+    """Return the stall torque for each unit of the controller's output [N.m or N]."""
+    return drive.supply * drive.torque_constant / drive.resistance if drive.actuator == "motor" else 1.0
 
 
 def numbers_of(shape: LawShape) -> set[str]:

@@ -41,7 +41,7 @@ _REAL = 0.5
 #: Fewest instants; and time constants of a low pass that a slip may be instead, by the slip [1].
 _FEWEST, _LAGS = 100, (0.6, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6)
 #: A low pass explains torque better than a shift if it reduces the misfit further by this many standard errors.
-_BETTER = 2.0
+_BETTER = 3.0
 #: Only a shift reduces the misfit below this share [1].
 _EXACT = 0.01
 #: Share of sample-to-sample noise in the torque above which no timing is estimated [1].
