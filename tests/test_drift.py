@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from backdrive.errors import InvalidInput, NotIdentifiable
+from backdrive.identification import identify
 from backdrive.identification.drift import (
     change_of,
     identify_thermal,
@@ -13,10 +14,11 @@ from backdrive.identification.drift import (
     track,
     virtual_temperature,
 )
-from backdrive.identification.drift.change import REPEAT, chance, kind_of
+from backdrive.identification.drift.change import chance, kind_of
+from backdrive.identification.drift.curve_errors import REPEAT
 from backdrive.laws import M1, CoulombViscous, Growth, Law, Polyline
 from backdrive.logs.log import Joint, Log
-from backdrive.model import JointFriction, Validity
+from backdrive.model import Covariance, JointFriction, Validity
 
 V = np.linspace(0.2, 2.0, 10)
 
@@ -43,6 +45,84 @@ def test_chance_is_the_chi_square_distribution():
     draws = np.sum(np.random.default_rng(0).standard_normal((100_000, 7)) ** 2, axis=1)
     assert chance(9.0, 7) == pytest.approx(np.mean(draws > 9.0), abs=5e-3)
     assert np.isnan(chance(1.0, 0))
+
+
+def line(coulomb, viscous, *, covariance=None, lowest=None, lopsided=0.0):
+    """Return the friction of a joint by a straight line, with standard errors of 0.01 and 0.02."""
+    law = CoulombViscous(
+        coulomb_positive=coulomb,
+        coulomb_negative=coulomb + lopsided,
+        viscous_positive=viscous,
+        viscous_negative=viscous,
+    )
+    errors = {name: 0.01 if "coulomb" in name else 0.02 for name in law.values()}
+    return JointFriction(
+        joint=Joint(name="a"),
+        law=Law(rate=law),
+        validity=Validity(velocity=(-2.0, 2.0), lowest_speed=lowest),
+        standard_errors=errors,
+        covariance=covariance,
+    )
+
+
+def test_a_line_that_is_equal_in_both_directions_is_tested_once():
+    """Its numbers along +q and -q are the same ones: counted twice, noise would look like a change."""
+    both = change_of(line(2.0, 0.5), line(2.02, 0.5))
+    assert both.degrees == 2
+    assert both.chi_square == pytest.approx(0.02**2 / (2 * (0.01 * REPEAT) ** 2), rel=1e-6)
+    apart = change_of(line(2.0, 0.5, lopsided=0.1), line(2.02, 0.5, lopsided=0.1))
+    assert apart.degrees == 4
+    assert apart.chi_square == pytest.approx(2.0 * both.chi_square, rel=1e-6)
+
+
+def test_correlations_of_a_model_count():
+    """A level and a slope that are known better together than apart show a change that their errors alone do not."""
+    names = ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative")
+    way = np.array([[1e-4, -1.8e-4], [-1.8e-4, 4e-4]])
+    whole = Covariance(names=names, matrix=tuple(map(tuple, np.kron(way, np.ones((2, 2))).tolist())))
+    alone = change_of(line(2.0, 0.5), line(2.03, 0.5))
+    known = change_of(line(2.0, 0.5, covariance=whole), line(2.03, 0.5, covariance=whole))
+    d = np.array([0.03, 0.0])
+    assert known.degrees == 2
+    assert known.chi_square == pytest.approx(d @ np.linalg.inv(2.0 * REPEAT**2 * way) @ d, rel=1e-6)
+    assert alone.chi_square == pytest.approx(
+        d @ np.linalg.inv(2.0 * REPEAT**2 * np.diag([1e-4, 4e-4])) @ d, rel=1e-6
+    )
+
+
+def test_curves_are_not_compared_below_the_lowest_speed_of_either():
+    """Below it a curve is extrapolated."""
+    peak = 3.0 * np.exp(-((V / 0.3) ** 2))
+    low = replace(
+        friction(noise=np.r_[peak, peak]), validity=Validity(velocity=(-2.0, 2.0), lowest_speed=0.2)
+    )
+    high = replace(friction(), validity=Validity(velocity=(-2.0, 2.0), lowest_speed=0.85))
+    assert change_of(low, friction()).is_significant
+    assert change_of(low, high).probability > 0.99
+    with pytest.raises(InvalidInput, match="holds from 0.85 rad/s .* and the comparison ends at 0.5 rad/s"):
+        change_of(low, high, top_speed=0.5)
+
+
+def joint_with_peak(seed):
+    """Return the friction that a motion of its own shows of a joint with a Stribeck peak of 0.6 N.m below 0.05 rad/s."""
+    random, t = np.random.default_rng(seed), np.arange(15_000) / 500.0
+    w, a = (
+        2.0 * np.pi * np.array([0.07, 0.13, 0.31, 0.47, 0.83, 1.3]),
+        np.array([1.0, 0.7, 0.35, 0.25, 0.15, 0.1]),
+    )
+    x = np.outer(t, w) + random.uniform(0.0, 2.0 * np.pi, 6)
+    size = 1.0 / np.abs(np.cos(x) @ (a * w)).max()
+    q, v, acceleration = size * np.sin(x) @ a, size * np.cos(x) @ (a * w), -size * np.sin(x) @ (a * w * w)
+    tau = 0.4 * acceleration + np.tanh(v / 1e-3) * (2.0 + 0.6 * np.exp(-((v / 0.05) ** 2))) + 0.8 * v
+    tau += 0.05 * random.standard_normal(t.size)
+    log = Log(time=t, joints=(Joint(name="a"),), position=q[:, None], torque=tau[:, None])
+    return identify(log, method="motion").model.joints[0]
+
+
+def test_other_motion_is_no_change_of_a_joint_with_a_peak():
+    """Some motions show the peak and some do not: the curve is then line sections, or a straight line that misses it."""
+    changes = [change_of(joint_with_peak(2 * n), joint_with_peak(2 * n + 1)) for n in range(15)]
+    assert sum(c.is_significant for c in changes) <= 1
 
 
 def test_the_test_raises_as_many_false_alarms_as_it_says_where_the_errors_are_true():

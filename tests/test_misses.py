@@ -52,18 +52,18 @@ def test_a_mean_residual_counts_less_its_noise_and_beyond_chance_alone():
     group = np.zeros(run.size, dtype=int)
     noise = rng.standard_normal(12)[run] * 0.1 + 0.05 * rng.standard_normal(run.size)
     error = np.std([noise[run == k].mean() for k in range(12)], ddof=1) / np.sqrt(12)
-    quiet = _sizes(noise, group, run, 1, 0)
+    quiet = _sizes(noise, group, run, 1, 0)[0]
     assert quiet == 0.0
-    (found,) = _sizes(noise + 1.0, group, run, 1, 0)
+    ((found,), _) = _sizes(noise + 1.0, group, run, 1, 0)
     assert found == pytest.approx(np.sqrt((1.0 + noise.mean()) ** 2 - error**2), rel=1e-3)
     slight = noise - noise.mean() + 1.5 * error  # likely by chance; at the slowest speeds it counts
-    assert _sizes(slight, group, run, 1, 0) == 0.0
-    assert _sizes(slight, group, run, 1, 1) == pytest.approx(np.sqrt(1.5**2 - 1.0) * error)
+    assert _sizes(slight, group, run, 1, 0)[0] == 0.0
+    assert _sizes(slight, group, run, 1, 1)[0] == pytest.approx(np.sqrt(1.5**2 - 1.0) * error)
 
 
 def test_one_long_pass_shows_nothing():
     group = np.zeros(200, dtype=int)
-    assert _sizes(np.ones(200), group, np.zeros(200, dtype=int), 1, 1) == 0.0
+    assert _sizes(np.ones(200), group, np.zeros(200, dtype=int), 1, 1)[0] == 0.0
     assert _end_of_slowest(np.linspace(0.1, 1.0, 200), group) == np.inf
 
 

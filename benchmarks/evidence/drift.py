@@ -31,7 +31,8 @@ from backdrive.identification.drift import (
     track,
     virtual_temperature,
 )
-from backdrive.identification.drift.change import REPEAT, chance
+from backdrive.identification.drift.change import chance
+from backdrive.identification.drift.curve_errors import REPEAT
 from backdrive.identification.sweep import fit_sweeps, identify_sweep
 from backdrive.laws import CoulombViscous, Law, LoadTemperature, Polyline
 from backdrive.logs.log import Joint, Log

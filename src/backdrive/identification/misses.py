@@ -18,6 +18,9 @@ from backdrive.identification.motion_bins import Bins
 RATIO = 1.25  # of the ends of a range of speeds [-]
 PASSES, FEWEST = 4, 8  # least number of passes and of bins of a range
 CHANCE = 2e-4  # probability by which noise alone has a mean residual that counts [-]
+LIKELY = (
+    0.01  # the same, for the slowest ranges: a straight line that misses them holds from the next one on [-]
+)
 EDGE = 1.6  # speed below which any mean residual counts: a Stribeck peak may begin there [slowest speed]
 
 
@@ -29,11 +32,13 @@ class Misses:
         speeds: middles of the ranges, ascending [rad/s or m/s], (2, m): along +q, and along -q.
         sizes: 0 where noise explains the residual [N.m or N], (2, m).
         seen: speed from which on enough bins show the friction [rad/s or m/s].
+        held: speed behind the slowest ranges, of those below `EDGE`, where something likely is missed [rad/s or m/s].
     """
 
     speeds: np.ndarray
     sizes: np.ndarray
     seen: float = 0.0
+    held: float = 0.0
 
     def at(self, velocity: np.ndarray) -> np.ndarray:
         """Return the misses at velocities [N.m or N], (n,)."""
@@ -49,14 +54,21 @@ class Misses:
         return lambda velocity: np.hypot(standard_error(velocity), self.at(velocity))
 
     def on(self, choice: Choice) -> Choice:
-        """Return a choice of line sections whose errors at the knots count the misses; unchanged for a straight line."""
+        """Return a choice of line sections whose errors at the knots count the misses; unchanged for a straight line.
+
+        A knot counts the largest miss of the sections beside it.
+        """
         form, k = choice.candidate.form, len(choice.candidate.terms)
         if form.knots.size < 3 or not self.sizes.any():
             return choice
         covariance, n = choice.covariance.copy(), form.knots.size
-        for first, sign in zip(range(k, choice.coefficients.size, n), (1.0, -1.0), strict=False):
-            way = slice(first, first + n)
-            covariance[way, way] += np.diag(self.at(sign * np.maximum(form.knots, 1e-300)) ** 2)
+        section = np.searchsorted(form.knots, self.speeds, side="right") - 1
+        for first, way in zip(range(k, choice.coefficients.size, n), (0, 1), strict=False):
+            at = slice(first, first + n)
+            size = np.interp(form.knots, self.speeds[way], self.sizes[way])
+            for beside in (section[way], section[way] + 1):
+                np.maximum.at(size, np.clip(beside, 0, n - 1), self.sizes[way])
+            covariance[at, at] += np.diag(size**2)
         return replace(choice, covariance=covariance)
 
 
@@ -104,7 +116,12 @@ def misses_at(
     middle = np.where(middle > 0.0, middle, np.sqrt(edges[1:] * edges[:-1]))
     edge = max(int(np.searchsorted(middle, EDGE * slowest)), 1)
     found = [_sizes((way * left)[side], group[side], run[side], count + 1, edge) for side in sides]
-    return Misses(speeds=np.tile(middle, (2, 1)), sizes=np.array([found[0], found[-1]]))
+    held = min(max(int(np.argmin(likely)) for _, likely in found), edge)
+    return Misses(
+        speeds=np.tile(middle, (2, 1)),
+        sizes=np.array([found[0][0], found[-1][0]]),
+        held=float(middle[held]) if held else 0.0,
+    )
 
 
 def _end_of_slowest(speed: np.ndarray, run: np.ndarray) -> float:
@@ -123,8 +140,10 @@ def _end_of_slowest(speed: np.ndarray, run: np.ndarray) -> float:
     )
 
 
-def _sizes(along: np.ndarray, group: np.ndarray, run: np.ndarray, count: int, edge: int) -> np.ndarray:
-    """Return the significant mean residual of each range of speeds less what noise adds, (count,).
+def _sizes(
+    along: np.ndarray, group: np.ndarray, run: np.ndarray, count: int, edge: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the significant mean residual of each range of speeds less what noise adds, and where it likely is one, (count,) each.
 
     Args:
         along: residual, positive where friction is larger than the curve [N.m or N], (n,).
@@ -141,7 +160,9 @@ def _sizes(along: np.ndarray, group: np.ndarray, run: np.ndarray, count: int, ed
     passes = np.count_nonzero(np.bincount(pair, minlength=count * runs).reshape(count, runs), axis=1)
     spread = np.einsum("gr,gr->g", sums, sums) * passes / np.maximum(passes - 1, 1)
     variance = spread / np.maximum(number, 1) ** 2
-    limit = stdtrit(np.maximum(passes - 1, 1), 1.0 - 0.5 * CHANCE)
+    enough, free = (passes >= PASSES) & (number >= FEWEST), np.maximum(passes - 1, 1)
+    limit = stdtrit(free, 1.0 - 0.5 * CHANCE)
     limit[:edge] = 0.0
-    counts = (passes >= PASSES) & (number >= FEWEST) & (np.abs(mean) > limit * np.sqrt(variance))
-    return np.where(counts, np.sqrt(np.maximum(mean**2 - variance, 0.0)), 0.0)
+    counts = enough & (np.abs(mean) > limit * np.sqrt(variance))
+    likely = enough & (np.abs(mean) > stdtrit(free, 1.0 - 0.5 * LIKELY) * np.sqrt(variance))
+    return np.where(counts, np.sqrt(np.maximum(mean**2 - variance, 0.0)), 0.0), likely

@@ -239,7 +239,8 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     choice, through = with_crossings(choice, slip.delay, stretches, smooth.error) if slow else (choice, "")
     choice = missed.on(with_bends(design.offset_apart(choice)))
     friction = as_friction(choice, choice.coefficients, about, velocity, slip.delay)
-    slowest = max(curves.past_rise(friction.law, slowest), missed.seen)
+    line = choice.candidate.form.knots.size == 2
+    slowest = max(curves.past_rise(friction.law, slowest), missed.seen, missed.held if line else 0.0)
     duration = sum(float(np.count_nonzero(s.moving)) / s.rate for s in stretches)
     reversals = sum(turns(s.velocity[s.moving]).size for s in stretches)
     open_ = reasons(bins, friction, made, slip)
@@ -272,7 +273,7 @@ def identify_motion(  # noqa: PLR0915  (the steps of one method in a row)
     )
     k = len(choice.candidate.terms)
     of_curve = curves.error_of_curve(choice.candidate.form, choice.covariance[k:, k:])
-    of_curve = missed.beside(of_curve) if choice.candidate.form.knots.size == 2 else of_curve
+    of_curve = missed.beside(of_curve) if line else of_curve
     if open_:
         friction, of_curve = without_errors(friction), lambda velocity: np.full(velocity.shape, np.nan)
     support = evidence(

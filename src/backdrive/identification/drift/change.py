@@ -2,41 +2,42 @@
 
 Let d be the difference of the two curves at some speeds, and C the sum of their covariances there. If nothing changed,
 d' C^-1 d follows a chi-square distribution with one degree of freedom per speed. The curves are compared at no more speeds
-than either has parameters. A model file may contain standard errors without their correlations; then the parameters' errors
-are taken as independent. This is nearly true for the knots of one sweep. The knots of several sweeps share the error of
-gravity, so pass the covariance of `fit_sweeps` for them.
+than either has parameters, and at none below the lowest speed of either's data (`curve_errors`).
 
 If only one of the models has a curve for each direction, the other one does not separate the directions. Then d is the
 difference of (|F(v)| + |F(-v)|) / 2.
 
 Standard errors are themselves estimates from a single log, which widens the tail of the test. On 200 pairs of simulated sweeps
 without a change, the rate of false alarms was 2.5 % instead of 1 %, and 7.5 % instead of 5 %. Standard errors are therefore
-multiplied by `REPEAT`, a factor chosen after that result (`benchmarks/evidence/drift.py`).
+multiplied by `curve_errors.REPEAT`, a factor chosen after that result (`benchmarks/evidence/drift.py`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from backdrive.errors import InvalidInput
+from backdrive.identification.drift.curve_errors import (
+    difference,
+    errors_of,
+    mahalanobis,
+    middle,
+    places,
+    variance_of_mean,
+)
 from backdrive.identification.dynamics import growth_with_load
 from backdrive.identification.metrics import curve_distance, relative_curve_distance
-from backdrive.laws import Law, Polyline
+from backdrive.laws import Polyline
 from backdrive.model import JointFriction
 from backdrive.plans.base import phrase
 
 ALARM = 0.01  # probability of a false alarm [-]
-REPEAT = 1.1  # scatter of repeated identifications, divided by the standard error from one log [-]
 REACH = 1.96  # standard errors of a 95 % interval
 SLOWEST = 0.02  # lowest speed for the mean change, relative to the top speed, since curves jump at rest [-]
 MEANS = 60  # number of speeds for the mean change
-# least variance of a tested combination of speeds, relative to the largest one [-]
-LEAST_EIGEN = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +52,7 @@ class Change:
         relative: E_p of (2.17), of the second to the first, along +q and -q [-].
         shape: size of the change of shape in the verdict: the larger of `relative`, or E_p of the mean of both directions [-].
         mean: mean of the second curve minus the first, divided by the mean of the first [-].
-        mean_error: its standard error, `REPEAT` included [-]; NaN where a model has none.
+        mean_error: its standard error, `curve_errors.REPEAT` included [-]; NaN where a model has none.
         chi_square: of the test; NaN where a model has no standard errors.
         degrees: of freedom.
         probability: of a chi-square at least as large by chance [-].
@@ -114,8 +115,8 @@ def change_of(
         second: the later one.
         top_speed: largest compared speed, within the validity of both [rad/s or m/s]; None: as far as both are valid.
         alarm: probability of a false alarm [-].
-        covariances: of the knots of each curve of line sections, along +q first [(N.m)^2 or N^2], (2 m, 2 m); None: from the
-            standard errors.
+        covariances: of the knots of each curve of line sections, along +q first [(N.m)^2 or N^2], (2 m, 2 m); None: that of the
+            model, or its standard errors.
 
     Raises:
         InvalidInput: the units of the joints differ, the models have no common speed or `top_speed` exceeds it, a curve is
@@ -146,6 +147,13 @@ def change_of(
             f"{phrase(top, a.unit + '/s')}; beyond, one of them extrapolates.",
             remedy="Compare up to a lower speed, or leave it out.",
         )
+    low = max(f.validity.lowest_speed or 0.0 for f in (first, second))
+    if not low < top:
+        raise InvalidInput(
+            f"Joint '{a.name}': one model holds from {phrase(low, a.unit + '/s', 1)} on, and the comparison ends at "
+            f"{phrase(top, a.unit + '/s', -1)}.",
+            remedy="Compare up to a higher speed, or identify both from motion at the same speeds.",
+        )
     second, remarks = _under_the_same_load(first, second)
     needs = sorted({n for f in (first, second) for n in f.law.rate.NEEDS})
     if needs:
@@ -155,8 +163,8 @@ def change_of(
     with np.errstate(all="ignore"):
         distance = [curve_distance(second.law, first.law, top, direction=way) for way in (1, -1)]
         relative = [relative_curve_distance(second.law, first.law, top, direction=way) for way in (1, -1)]
-        speeds = np.linspace(SLOWEST, 1.0, MEANS) * top
-        before, after = (_middle(f.law.torque, speeds) for f in (first, second))
+        speeds = np.linspace(max(SLOWEST * top, low), top, MEANS)
+        before, after = (middle(f.law.torque, speeds) for f in (first, second))
         base = float(np.mean(before))
         mean = float(np.mean(after - before)) / base if base else float("nan")
     if not np.isfinite([*distance, *relative, mean]).all():
@@ -164,30 +172,23 @@ def change_of(
             f"Joint '{a.name}': its curves are zero, or too large for their distance.",
             remedy="Look at both models with `backdrive show`.",
         )
-    parts = [_errors(f, c) for f, c in zip((first, second), covariances, strict=True)]
+    parts = [errors_of(f, c) for f, c in zip((first, second), covariances, strict=True)]
     error, chi_square, degrees, probability = float("nan"), float("nan"), 0, float("nan")
     shape = max(relative)
-    known = [p for p in parts if p is not None]
-    if len(known) == 2:
-        both_ways = list(zip((first, second), known, strict=True))
-        one_way = any(p.tied for p in known)
-        if one_way and not all(p.tied for p in known):
+    if parts[0] is not None and parts[1] is not None:
+        one_way = parts[0].tied or parts[1].tied
+        if one_way and not (parts[0].tied and parts[1].tied):
             shape = float(np.sqrt(np.mean((after - before) ** 2) / np.mean(before**2)))
-            which = "first" if known[0].tied else "second"
+            which = "first" if parts[0].tied else "second"
             remarks.append(
                 f"The mean of both directions was compared, since the {which} model has one curve for both; the "
                 f"difference between the directions was not tested."
             )
-        at = _places((first, second), known, top, one_way)
-        d, C, variance = np.zeros(at.size), np.zeros((at.size, at.size)), 0.0
-        for sign, (f, p) in zip((-1.0, 1.0), both_ways, strict=True):
-            d += sign * (_middle(f.law.torque, at) if one_way else f.law.torque(at))
-            J = _middle(partial(_slopes, f.law, p), at) if one_way else _slopes(f.law, p, at)
-            C += J @ p.covariance @ J.T
-            row = np.mean(_middle(partial(_slopes, f.law, p), speeds), axis=0)
-            variance += row @ p.covariance @ row
-        error = float(np.sqrt(variance)) / base
-        chi_square, degrees = _mahalanobis(d, C)
+        both = (first, parts[0]), (second, parts[1])
+        at = places(both, low, top, one_way)
+        d, C = difference(both, at, one_way)
+        error = float(np.sqrt(sum(variance_of_mean(*one, speeds) for one in both))) / base
+        chi_square, degrees = mahalanobis(d, C)
         probability = chance(chi_square, degrees)
     else:
         without = [n for n, p in zip(("first", "second"), parts, strict=True) if p is None]
@@ -244,98 +245,6 @@ def chance(chi_square: float, degrees: int) -> float:
     from scipy.special import gammaincc
 
     return float(gammaincc(0.5 * degrees, 0.5 * chi_square)) if degrees else float("nan")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Errors:
-    """Free numbers of a law, each a list of (parameter, index) that change together, and their covariance."""
-
-    numbers: list[list[tuple[str, int | None]]]
-    covariance: np.ndarray
-    tied: bool
-
-
-def _errors(friction: JointFriction, covariance: np.ndarray | None) -> _Errors | None:
-    rate, given = friction.law.rate, friction.standard_errors
-    if isinstance(rate, Polyline):
-        m, tied = len(rate.velocity), rate.positive == rate.negative
-        ways = [("positive", "negative")] if tied else [("positive",), ("negative",)]
-        numbers: list[list[tuple[str, int | None]]] = [
-            [(name, i) for name in names] for names in ways for i in range(m)
-        ]
-        if covariance is not None:
-            if np.shape(covariance) != (2 * m, 2 * m) or not np.isfinite(covariance).all():
-                raise InvalidInput(
-                    f"A covariance of the shape {np.shape(covariance)} for {m} knots a direction.",
-                    remedy=f"Give {(2 * m, 2 * m)}, as `fit_sweeps` does.",
-                )
-            kept = REPEAT**2 * covariance[: len(numbers), : len(numbers)]
-            return _Errors(numbers=numbers, covariance=kept, tied=tied)
-        each = [np.ravel(given.get(names[0], ())) for names in ways]
-        if any(e.size != m for e in each):
-            return None
-        deviation = np.concatenate(each)
-    else:
-        tied = type(rate).SYMMETRIC
-        named = {name: np.ravel(np.asarray(given.get(name, ()), dtype=float)) for name in rate.PARAMETERS}
-        known = [
-            (name, i if isinstance(given[name], (tuple, list)) else None, e)
-            for name, errors in named.items()
-            for i, e in enumerate(errors)
-            if np.isfinite(e) and e > 0
-        ]
-        numbers, deviation = [[(name, i)] for name, i, _ in known], np.array([e for *_, e in known])
-    with np.errstate(all="ignore"):
-        variance = (REPEAT * deviation) ** 2
-    if not variance.size or not np.all(np.isfinite(variance) & (variance > 0)):
-        return None
-    return _Errors(numbers=numbers, covariance=np.diag(variance), tied=tied)
-
-
-def _middle(of: Callable[[np.ndarray], np.ndarray], speeds: np.ndarray) -> np.ndarray:
-    """Return the mean over both directions of a quantity that changes sign with the motion."""
-    return 0.5 * (of(speeds) - of(-speeds))
-
-
-def _slopes(law: Law, errors: _Errors, velocity: np.ndarray) -> np.ndarray:
-    """Return the derivative of the torque with respect to each free number, (n, P)."""
-    columns = []
-    for group, variance in zip(errors.numbers, np.diag(errors.covariance), strict=True):
-        for way in (1.0, -1.0):  # a number at its bound can change in one direction only
-            step = way * 1e-3 * np.sqrt(variance)
-            try:
-                moved = Law(rate=_step_numbers(law.rate, group, step), element=law.element)
-            except InvalidInput:
-                continue
-            columns.append((moved.torque(velocity) - law.torque(velocity)) / step)
-            break
-        else:
-            columns.append(np.zeros(velocity.size))
-    return np.stack(columns, axis=1)
-
-
-def _step_numbers(rate, group: list[tuple[str, int | None]], step: float):
-    changes = {}
-    for name, i in group:
-        value = getattr(rate, name)
-        changes[name] = value + step if i is None else (*value[:i], value[i] + step, *value[i + 1 :])
-    return replace(rate, **changes)
-
-
-def _places(frictions, parts, top: float, one_way: bool) -> np.ndarray:
-    """Return the signed speeds to compare at, no more than the free numbers of either law."""
-    most = min(len(p.numbers) if p.tied else len(p.numbers) // 2 for p in parts)
-    knots = [np.array(f.law.rate.velocity) for f in frictions if isinstance(f.law.rate, Polyline)]
-    knots = [k[(k > 0) & (k <= top * 1.02)] for k in knots]
-    few = min(knots, key=len) if knots else np.zeros(0)
-    speeds = few if 0 < few.size <= most else np.linspace(0.05, 1.0, max(most, 1)) * top
-    return speeds if one_way else np.concatenate([speeds, -speeds])
-
-
-def _mahalanobis(d: np.ndarray, C: np.ndarray) -> tuple[float, int]:
-    size, way = np.linalg.eigh(C)
-    kept = size > LEAST_EIGEN * size[-1]
-    return float(np.sum((way[:, kept].T @ d) ** 2 / size[kept])), int(kept.sum())
 
 
 def kind_of(change: Change) -> Literal["changed", "not changed", "not judged"]:
