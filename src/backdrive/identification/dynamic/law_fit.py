@@ -11,6 +11,7 @@ import numpy as np
 from backdrive.errors import NotIdentifiable
 from backdrive.identification.dynamic import starts as starts_
 from backdrive.identification.dynamic.fit import Fit, conclude
+from backdrive.identification.dynamic.peak_start import peak_start
 from backdrive.identification.dynamic.search import Search, screen
 from backdrive.identification.dynamic.stretch import BESIDE, Stretch
 from backdrive.identification.dynamic.torque import LONGEST_DELAY, TorqueProblem
@@ -104,6 +105,8 @@ def fit_law(  # noqa: PLR0913  (its options are given by keyword)
         points = starts_.starts(problem, scales, begin, seed)
         if begin_at is not None:
             points = np.vstack([problem.point(begin_at), points])
+        elif (peak := peak_start(problem, problem.values(points[0]))) is not None:
+            points = np.vstack([points, np.clip(problem.point(peak), problem.lower, problem.upper)])
         with warnings_.catch_warnings():
             warnings_.simplefilter("ignore", RuntimeWarning)
             sooner = starts_.with_less_delay(problem, points)

@@ -1,0 +1,86 @@
+"""A starting point for laws with a Stribeck peak.
+
+Given the speed at which the peak falls and the delay of the torque, such a law and the dynamics are linear in all other
+parameters. So both are tried on a grid, with least squares at each of its points. A scattered point hardly finds a wide peak,
+which Coulomb and viscous friction and a later torque explain nearly as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from backdrive.identification import regression
+from backdrive.identification.delay import earlier
+from backdrive.identification.dynamic.torque import SLOW, TorqueProblem
+from backdrive.identification.terms import columns
+from backdrive.laws import Law, Rate
+from backdrive.laws.direction import BACKWARD, ByDirection
+
+PEAK = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
+SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.6)  # at which a peak may fall, relative to the top speed [-]
+SHARES, SAMPLES = (
+    (0.0, 0.5),
+    (-3, -2, -1, 0, 1, 2, 3),
+)  # trial delays: parts of the rough one, and samples beside it
+LONGEST, MANY = 15_000, 4000  # samples that are read, and samples that are fitted to
+
+
+def peak_start(problem: TorqueProblem, values: Mapping[str, float]) -> dict[str, float] | None:
+    """Return starting values by name, from the best point of the grid; None for another law, or where no peak is possible.
+
+    Args:
+        problem: to be solved.
+        values: by name, for what is not sought here.
+    """
+    kind = problem.shape.rate
+    one = kind.ONE if issubclass(kind, ByDirection) else kind
+    if not set(PEAK) <= set(problem.names) or not set(PEAK) <= set(one.PARAMETERS) or one.NEEDS:
+        return None
+    s = max(problem.stretches, key=lambda s: len(s.torque))
+    begin = max(0, (len(s.torque) - LONGEST) // 2)
+    at = slice(begin, begin + LONGEST)
+    v, judged = s.velocity[at], s.judged[at]
+    top = float(np.abs(v).max(initial=0.0))
+    use = np.flatnonzero(judged & (np.abs(v) > SLOW * top))
+    use = use[:: max(1, use.size // MANY)]
+    terms = [term for term in problem.terms if term in problem.names]
+    if use.size < 10 * (len(terms) + len(PEAK)):
+        return None
+    fixed = sum(
+        (value * columns(s, [term])[0] for term, value in problem.known.items()), np.zeros(len(s.torque))
+    )
+    y = (s.torque - fixed)[at][use]
+    rough = values.get("delay", 0.0)
+    late = (
+        {rough + k * s.dt for k in SAMPLES} | {share * rough for share in SHARES}
+        if "delay" in problem.names
+        else {rough}
+    )
+    motion = np.vstack([v, columns(s, terms)[:, at]])
+    best: tuple[float, dict[str, float]] = np.inf, {}
+    for delay in sorted(late):
+        moved = earlier(motion, delay / s.dt)[:, use]
+        for fall in SPEEDS:
+            A = np.vstack([np.sign(moved[0]), _peak(one, values, moved[0], fall * top), moved]).T
+            theta = regression.solve(A.T @ A, A.T @ y)
+            misfit = float(np.sum((y - A @ theta) ** 2))
+            if misfit < best[0] and theta[0] > 0.0 and theta[0] + theta[1] > 0.0:
+                friction = (theta[0], theta[0] + theta[1], fall * top, max(theta[2], 0.0))
+                best = (
+                    misfit,
+                    dict(zip(PEAK, map(float, friction), strict=True))
+                    | {"delay": delay}
+                    | dict(zip(terms, theta[3:].tolist(), strict=True)),
+                )
+    found = best[1]
+    return {**values, **found, **{name + BACKWARD: found[name] for name in PEAK}} if found else None
+
+
+def _peak(kind: type[Rate], values: Mapping[str, float], v: np.ndarray, fall: float) -> np.ndarray:
+    """Return the friction of a peak of 1 that falls at a speed, (n,)."""
+    others = {name: values.get(name, kind.EXAMPLE.get(name)) for name in kind.PARAMETERS if name not in PEAK}
+    numbers = dict(zip(PEAK, (1.0, 2.0, fall, 0.0), strict=True))
+    law = Law(rate=kind(**others, **numbers))
+    return law.torque(v) - np.sign(v)
