@@ -16,7 +16,7 @@ from backdrive.identification.drift import (
 )
 from backdrive.identification.drift.change import chance, kind_of
 from backdrive.identification.drift.curve_errors import REPEAT
-from backdrive.laws import M1, CoulombViscous, Growth, Law, Polyline
+from backdrive.laws import M1, M3, CoulombViscous, Growth, Law, Polyline
 from backdrive.logs.log import Joint, Log
 from backdrive.model import Covariance, JointFriction, Validity
 
@@ -99,8 +99,22 @@ def test_curves_are_not_compared_below_the_lowest_speed_of_either():
     high = replace(friction(), validity=Validity(velocity=(-2.0, 2.0), lowest_speed=0.85))
     assert change_of(low, friction()).is_significant
     assert change_of(low, high).probability > 0.99
-    with pytest.raises(InvalidInput, match="holds from 0.85 rad/s .* and the comparison ends at 0.5 rad/s"):
+    change = change_of(low, high)
+    assert change.shape < 1e-5 and max(change.distance) < 1e-4 and change.lowest_speed == pytest.approx(1.0)
+    with pytest.raises(InvalidInput, match="holds from .* and the comparison ends at 0.5 rad/s"):
         change_of(low, high, top_speed=0.5)
+
+
+def test_a_difference_without_errors_is_not_called_none():
+    """Errors of what does not act, or along +q alone."""
+    m3 = Law(rate=M3(coulomb=2.0, load=0.1, viscous=0.5)), Law(rate=M3(coulomb=3.0, load=0.1, viscous=0.5))
+    a, b = (replace(line(2.0, 0.5), law=law, standard_errors={"load": 0.01}) for law in m3)
+    change = change_of(a, b)
+    assert not change.is_testable and any("do not act" in remark for remark in change.remarks)
+    one_way = {"coulomb_positive": 0.01, "viscous_positive": 0.02}
+    a, b = (replace(line(2.0, 0.5, lopsided=more), standard_errors=one_way) for more in (0.1, 0.5))
+    change = change_of(a, b)
+    assert not change.is_testable and any("was not tested" in remark for remark in change.remarks)
 
 
 def joint_with_peak(seed):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from backdrive import Joint, Log, identify
-from backdrive.identification.misses import FEWEST, PASSES, Misses, _end_of_slowest, _sizes
+from backdrive.identification.misses import FEWEST, PASSES, Misses, _end_of_slowest, _sizes, misses_at
 
 RATE = 250.0
 
@@ -82,6 +82,19 @@ def test_misses_lie_between_ranges_and_go_on_beyond():
     np.testing.assert_allclose(one.at(np.array([0.05, 0.2, 0.5, -0.1, -0.3])), [1.0, 0.5, 0.0, 0.5, 0.3])
     wide = one.beside(lambda v: np.full(v.size, 0.3))
     np.testing.assert_allclose(wide(np.array([0.2])), [np.hypot(0.3, 0.5)])
+
+
+@pytest.mark.parametrize(("missed", "held"), [((0.3, 0.3), 0.0), ((0.0, 0.3), 0.14), ((0.0, 9.0), 0.14)])
+def test_a_curve_that_misses_the_slowest_ranges_holds_behind_them(missed, held):
+    """Also where it misses all of them: then it holds from the end of those that may be left out."""
+    random, rows = np.random.default_rng(0), np.arange(4000)
+    speed = np.tile(np.r_[np.linspace(0.1, 2.0, 20), np.linspace(2.0, 0.1, 20)], 100)
+    way = np.where(rows // 40 % 2, -1.0, 1.0)
+    off = np.where((speed >= missed[0]) & (speed < missed[1]), 0.5, 0.0) + 0.05 * random.standard_normal(
+        rows.size
+    )
+    found = misses_at(rows, way * speed, way * off, 0.1, True)
+    assert found.held == pytest.approx(held, abs=0.02)
 
 
 def test_a_peak_below_the_speeds_of_the_curve_is_said():

@@ -10,8 +10,10 @@ from backdrive.laws import CoulombViscous, Law, Polyline
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(5)  # exact for the squares of linear and quadratic sections
 
 
-def curve_distance(first: Law, second: Law, top_speed: float, *, direction: int = 1) -> float:
-    """Return the root mean square difference of two friction curves from rest to a speed.
+def curve_distance(
+    first: Law, second: Law, top_speed: float, *, direction: int = 1, lowest: float = 0.0
+) -> float:
+    """Return the root mean square difference of two friction curves from rest, or from a lowest speed, to a speed.
 
     Exact for line sections: the integral is cut at every knot of either curve.
 
@@ -20,19 +22,22 @@ def curve_distance(first: Law, second: Law, top_speed: float, *, direction: int 
         second: the other.
         top_speed: V, end of the range [rad/s or m/s].
         direction: 1 for motion along +q, -1 for motion along -q.
+        lowest: begin of the range, 0 in the thesis [rad/s or m/s].
 
     Returns:
         E of Iwatani 2017, (2.16) [N.m or N].
 
     Raises:
-        InvalidInput: top_speed is not positive, or direction is neither 1 nor -1.
+        InvalidInput: top_speed is not positive, lowest is not below it, or direction is neither 1 nor -1.
     """
-    speed, weight = _quadrature((first, second), top_speed, direction)
+    speed, weight = _quadrature((first, second), lowest, top_speed, direction)
     difference = first.torque(direction * speed) - second.torque(direction * speed)
-    return float(np.sqrt(weight @ difference**2 / top_speed))
+    return float(np.sqrt(weight @ difference**2 / (top_speed - lowest)))
 
 
-def relative_curve_distance(first: Law, second: Law, top_speed: float, *, direction: int = 1) -> float:
+def relative_curve_distance(
+    first: Law, second: Law, top_speed: float, *, direction: int = 1, lowest: float = 0.0
+) -> float:
     """Return the distance of two friction curves relative to the size of the second.
 
     Args:
@@ -40,16 +45,17 @@ def relative_curve_distance(first: Law, second: Law, top_speed: float, *, direct
         second: the other, to which the distance is relative.
         top_speed: V, end of the range [rad/s or m/s].
         direction: 1 for motion along +q, -1 for motion along -q.
+        lowest: begin of the range, 0 in the thesis [rad/s or m/s].
 
     Returns:
         E_p of Iwatani 2017, (2.17) [-]; NaN where the second curve is zero.
 
     Raises:
-        InvalidInput: top_speed is not positive, or direction is neither 1 nor -1.
+        InvalidInput: top_speed is not positive, lowest is not below it, or direction is neither 1 nor -1.
     """
-    speed, weight = _quadrature((second,), top_speed, direction)
-    size = float(np.sqrt(weight @ second.torque(direction * speed) ** 2 / top_speed))
-    distance = curve_distance(first, second, top_speed, direction=direction)
+    speed, weight = _quadrature((second,), lowest, top_speed, direction)
+    size = float(np.sqrt(weight @ second.torque(direction * speed) ** 2 / (top_speed - lowest)))
+    distance = curve_distance(first, second, top_speed, direction=direction, lowest=lowest)
     return distance / size if size > 0 else float("nan")
 
 
@@ -95,21 +101,23 @@ def tracking_error(desired: np.ndarray, position: np.ndarray) -> float:
     return mean_magnitude(a - b)
 
 
-def _quadrature(laws: tuple[Law, ...], top_speed: float, direction: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return nodes inside (0, top_speed) and their weights, section by section between the knots."""
-    if not 0 < top_speed < np.inf or direction not in (1, -1):
+def _quadrature(
+    laws: tuple[Law, ...], lowest: float, top_speed: float, direction: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return nodes inside (lowest, top_speed) and their weights, section by section between the knots."""
+    if not 0 <= lowest < top_speed < np.inf or direction not in (1, -1):
         raise InvalidInput(
-            f"top_speed = {top_speed}, direction = {direction}.",
-            remedy="Give a positive speed, and 1 or -1 as direction.",
+            f"top_speed = {top_speed}, lowest = {lowest}, direction = {direction}.",
+            remedy="Give a positive speed above the lowest one, and 1 or -1 as direction.",
         )
-    knots = [np.array([0.0, top_speed])]
+    knots = [np.array([lowest, top_speed])]
     for law in laws:
         if isinstance(law.rate, Polyline):
             knots.append(np.array(law.rate.velocity))
         elif not isinstance(law.rate, CoulombViscous):
             knots.append(top_speed * np.linspace(0.0, 1.0, 65) ** 2)  # smooth laws bend most near rest
     edges = np.unique(np.concatenate(knots))
-    edges = edges[(edges >= 0) & (edges <= top_speed)]
+    edges = edges[(edges >= lowest) & (edges <= top_speed)]
     half = 0.5 * np.diff(edges)[:, None]
     middle = 0.5 * (edges[:-1] + edges[1:])[:, None]
     return np.ravel(middle + half * NODES), np.ravel(half * WEIGHTS)

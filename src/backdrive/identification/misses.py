@@ -116,7 +116,8 @@ def misses_at(
     middle = np.where(middle > 0.0, middle, np.sqrt(edges[1:] * edges[:-1]))
     edge = max(int(np.searchsorted(middle, EDGE * slowest)), 1)
     found = [_sizes((way * left)[side], group[side], run[side], count + 1, edge) for side in sides]
-    held = min(max(int(np.argmin(likely)) for _, likely in found), edge)
+    last = max(int(np.argmin(np.r_[likely, False])) for _, likely in found)
+    held = min(last, edge, count)
     return Misses(
         speeds=np.tile(middle, (2, 1)),
         sizes=np.array([found[0][0], found[-1][0]]),

@@ -61,14 +61,15 @@ def controller_step(case: Case) -> Remark | None:
     speed, friction = abs(float(curve.velocity[top])), abs(float(curve.torque[top]))
     inertia, error = case.value("inertia")
     viscous = [abs(v) for name, v in case.friction.law.rate.values().items() if name.startswith("viscous")]
+    damping = min(damping, max(viscous, default=damping))
     less, parts, much = damping * speed, [], False
-    if less > max(SLIGHT * friction, np.nan_to_num(curve.standard_error[top])):
+    if friction > 0.0 and less > max(SLIGHT * friction, np.nan_to_num(curve.standard_error[top])):
         parts.append(
             f"viscous friction by up to {damping:.3g} {case.unit}.s/{unit} ({100.0 * less / friction:.2g} % of the friction at "
             f"{speed:.3g} {unit}/s)"
         )
         much = less > SHARE * friction or damping > SHARE * max(viscous, default=math.inf)
-    if mass > max(SLIGHT * inertia, np.nan_to_num(error)):
+    if inertia > 0.0 and mass > max(SLIGHT * inertia, np.nan_to_num(error)):
         parts.append(
             f"inertia by up to {mass:.3g} {'kg.m^2' if unit == 'rad' else 'kg'} ({100.0 * mass / inertia:.2g} %)"
         )

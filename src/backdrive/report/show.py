@@ -218,9 +218,14 @@ def _of_comparison(comparison: Comparison) -> Face:
     lead = f"Changed: {', '.join(changed)}." if changed else "No joint changed beyond chance."
     first, second = comparison.models
     joints = {c.joint for c in comparison.changes}
+    of_second = {c.before: c.joint for c in comparison.changes}
     both = replace(
         first,
-        joints=tuple(f for f in first.joints if f.joint.name in joints),
+        joints=tuple(
+            replace(f, joint=replace(f.joint, name=of_second[f.joint.name]))
+            for f in first.joints
+            if f.joint.name in of_second
+        ),
         arm=None,
         coupling=None,
         coupled=(),

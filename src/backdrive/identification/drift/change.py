@@ -23,6 +23,7 @@ from backdrive.errors import InvalidInput
 from backdrive.identification.drift.curve_errors import (
     difference,
     errors_of,
+    lowest_of,
     mahalanobis,
     middle,
     places,
@@ -36,6 +37,7 @@ from backdrive.plans.base import phrase
 
 ALARM = 0.01  # probability of a false alarm [-]
 REACH = 1.96  # standard errors of a 95 % interval
+LEFT = 0.05  # least part of a difference without a standard error that is remarked [-]
 SLOWEST = 0.02  # lowest speed for the mean change, relative to the top speed, since curves jump at rest [-]
 MEANS = 60  # number of speeds for the mean change
 
@@ -45,10 +47,12 @@ class Change:
     """What differs between two identifications of one joint.
 
     Attributes:
-        joint: its name.
+        joint: its name, in the second identification.
+        before: its name in the first.
         unit: of torques, N.m or N.
-        top_speed: largest compared speed [rad/s or m/s].
-        distance: E of Iwatani 2017, (2.16), along +q and -q [N.m or N].
+        lowest_speed: smallest compared speed [rad/s or m/s].
+        top_speed: largest one.
+        distance: E of Iwatani 2017, (2.16), from the lowest speed on, along +q and -q [N.m or N].
         relative: E_p of (2.17), of the second to the first, along +q and -q [-].
         shape: size of the change of shape in the verdict: the larger of `relative`, or E_p of the mean of both directions [-].
         mean: mean of the second curve minus the first, divided by the mean of the first [-].
@@ -73,6 +77,8 @@ class Change:
     probability: float
     alarm: float = ALARM
     remarks: tuple[str, ...] = ()
+    before: str = ""
+    lowest_speed: float = 0.0
 
     @property
     def is_testable(self) -> bool:
@@ -147,7 +153,7 @@ def change_of(
             f"{phrase(top, a.unit + '/s')}; beyond, one of them extrapolates.",
             remedy="Compare up to a lower speed, or leave it out.",
         )
-    low = max(f.validity.lowest_speed or 0.0 for f in (first, second))
+    low = max(lowest_of(f, top) for f in (first, second))
     if not low < top:
         raise InvalidInput(
             f"Joint '{a.name}': one model holds from {phrase(low, a.unit + '/s', 1)} on, and the comparison ends at "
@@ -161,8 +167,10 @@ def change_of(
             f"The curves are those without load and at 20 degC, though the law depends on {' and '.join(needs)}."
         )
     with np.errstate(all="ignore"):
-        distance = [curve_distance(second.law, first.law, top, direction=way) for way in (1, -1)]
-        relative = [relative_curve_distance(second.law, first.law, top, direction=way) for way in (1, -1)]
+        distance = [curve_distance(second.law, first.law, top, direction=way, lowest=low) for way in (1, -1)]
+        relative = [
+            relative_curve_distance(second.law, first.law, top, direction=way, lowest=low) for way in (1, -1)
+        ]
         speeds = np.linspace(max(SLOWEST * top, low), top, MEANS)
         before, after = (middle(f.law.torque, speeds) for f in (first, second))
         base = float(np.mean(before))
@@ -188,8 +196,17 @@ def change_of(
         at = places(both, low, top, one_way)
         d, C = difference(both, at, one_way)
         error = float(np.sqrt(sum(variance_of_mean(*one, speeds) for one in both))) / base
-        chi_square, degrees = mahalanobis(d, C)
+        chi_square, degrees, untested = mahalanobis(d, C)
         probability = chance(chi_square, degrees)
+        if not degrees:
+            remarks.append(
+                "The standard errors are of numbers that do not act at these speeds, so no test is possible."
+            )
+        elif untested > LEFT:
+            remarks.append(
+                f"{100.0 * untested:.0f} % of the difference has no standard error and was not tested."
+            )
+            probability = probability if probability < alarm else float("nan")
     else:
         without = [n for n, p in zip(("first", "second"), parts, strict=True) if p is None]
         who = "Neither model has" if len(without) == 2 else f"The {without[0]} model has no"
@@ -197,7 +214,9 @@ def change_of(
         remarks.append(f"{who} standard errors, so no test is possible: {why}.")
     return Change(
         joint=b.name,
+        before=a.name,
         unit=a.torque_unit,
+        lowest_speed=float(low),
         top_speed=float(top),
         distance=(distance[0], distance[1]),
         relative=(relative[0], relative[1]),

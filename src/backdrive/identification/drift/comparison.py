@@ -55,6 +55,7 @@ class Comparison(Display):
             c.joint: {
                 "outcome": kind_of(c),
                 "verdict": c.verdict,
+                "lowest_speed": c.lowest_speed,
                 "top_speed": c.top_speed,
                 "distance": {"positive": c.distance[0], "negative": c.distance[1], "unit": c.unit},
                 "relative": {"positive": c.relative[0], "negative": c.relative[1]},

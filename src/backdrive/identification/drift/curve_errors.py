@@ -154,12 +154,20 @@ def _step_numbers(rate, group: list[Number], step: float):
     return replace(rate, **changes)
 
 
+def lowest_of(friction: JointFriction, top: float) -> float:
+    """Return the speed from which on a curve holds by its data [rad/s or m/s]; line sections begin at a knot that does."""
+    low = friction.validity.lowest_speed or 0.0
+    if low == 0.0 or not isinstance(friction.law.rate, Polyline):
+        return low
+    knots = np.array(friction.law.rate.velocity)
+    return float(min(knots[(knots >= low / 1.02) & (knots < top)], default=low))
+
+
 def places(both: Sequence[tuple[JointFriction, Errors]], low: float, top: float, one_way: bool) -> np.ndarray:
     """Return the signed speeds to compare at, from low to top, no more than the free numbers of either law."""
     most = min(len(p.numbers) if p.tied else len(p.numbers) // 2 for _, p in both)
     knots = [np.array(f.law.rate.velocity) for f, _ in both if isinstance(f.law.rate, Polyline)]
-    knots = [k[(k > 0) & (k <= top * 1.02)] for k in knots]
-    knots = [k if k.min(initial=low) >= low / 1.02 else np.r_[low, k[k > 1.1 * low]] for k in knots]
+    knots = [k[(k > 0) & (k >= low / 1.02) & (k <= top * 1.02)] for k in knots]
     few = min(knots, key=len) if knots else np.zeros(0)
     speeds = few if 0 < few.size <= most else np.linspace(max(SLOW * top, low), top, max(most, 1))
     return speeds if one_way else np.concatenate([speeds, -speeds])
@@ -184,8 +192,10 @@ def variance_of_mean(friction: JointFriction, errors: Errors, speeds: np.ndarray
     return float(row @ errors.covariance @ row)
 
 
-def mahalanobis(d: np.ndarray, C: np.ndarray) -> tuple[float, int]:
-    """Return d' C^-1 d and its degrees of freedom, without combinations whose variance is none."""
+def mahalanobis(d: np.ndarray, C: np.ndarray) -> tuple[float, int, float]:
+    """Return d' C^-1 d and its degrees of freedom, without combinations whose variance is none, and their part of d [-]."""
     size, way = np.linalg.eigh(C)
     kept = size > LEAST_EIGEN * size[-1]
-    return float(np.sum((way[:, kept].T @ d) ** 2 / size[kept])), int(kept.sum())
+    along = way.T @ d
+    left = float(np.linalg.norm(along[~kept]) / max(np.linalg.norm(d), 1e-300))
+    return float(np.sum(along[kept] ** 2 / size[kept])), int(kept.sum()), left
