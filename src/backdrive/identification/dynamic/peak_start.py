@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from backdrive.engine import Lanes
 from backdrive.identification import regression
 from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.torque import SLOW, TorqueProblem
@@ -58,12 +59,14 @@ def peak_start(problem: TorqueProblem, values: Mapping[str, float]) -> dict[str,
         if "delay" in problem.names
         else {rough}
     )
-    motion = np.vstack([v, columns(s, terms)[:, at]])
+    motion, peaks = np.vstack([v, columns(s, terms)[:, at]]), _peaks(one, values, top)
     best: tuple[float, dict[str, float]] = np.inf, {}
     for delay in sorted(late):
         moved = earlier(motion, delay / s.dt)[:, use]
-        for fall in SPEEDS:
-            A = np.vstack([np.sign(moved[0]), _peak(one, values, moved[0], fall * top), moved]).T
+        level = np.sign(moved[0])
+        of_peaks = peaks.torque(np.zeros(len(SPEEDS), dtype=np.int64), s.dt * moved[:1], s.dt) - level
+        for fall, peak in zip(SPEEDS, of_peaks, strict=True):
+            A = np.vstack([level, peak, moved]).T
             theta = regression.solve(A.T @ A, A.T @ y)
             misfit = float(np.sum((y - A @ theta) ** 2))
             if misfit < best[0] and theta[0] > 0.0 and theta[0] + theta[1] > 0.0:
@@ -78,9 +81,8 @@ def peak_start(problem: TorqueProblem, values: Mapping[str, float]) -> dict[str,
     return {**values, **found, **{name + BACKWARD: found[name] for name in PEAK}} if found else None
 
 
-def _peak(kind: type[Rate], values: Mapping[str, float], v: np.ndarray, fall: float) -> np.ndarray:
-    """Return the friction of a peak of 1 that falls at a speed, (n,)."""
+def _peaks(kind: type[Rate], values: Mapping[str, float], top: float) -> Lanes:
+    """Return laws without viscous friction, of Coulomb friction 1 and a peak of 1 more, which falls at one of the speeds each."""
     others = {name: values.get(name, kind.EXAMPLE.get(name)) for name in kind.PARAMETERS if name not in PEAK}
-    numbers = dict(zip(PEAK, (1.0, 2.0, fall, 0.0), strict=True))
-    law = Law(rate=kind(**others, **numbers))
-    return law.torque(v) - np.sign(v)
+    numbers = [dict(zip(PEAK, (1.0, 2.0, fall * top, 0.0), strict=True)) for fall in SPEEDS]
+    return Lanes([Law(rate=kind(**others, **each)) for each in numbers])
