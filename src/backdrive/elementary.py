@@ -35,9 +35,8 @@ SPLIT = 134217729.0  # 2^27 + 1: parts a double into halves of 26 bits
 MANTISSA, EXPONENT_OF_1 = (1 << 52) - 1, 1023 << 52
 UPPER = 53  # place in the table of logarithms from which on a mantissa counts as half, above sqrt(2)
 
-_table: Callable[..., Any] = (
-    np.array if COMPILED else list
-)  # as compiled code reads it fastest, or as plain Python does
+#: a table as compiled code reads it fastest, or as plain Python does
+_table: Callable[..., Any] = np.array if COMPILED else list
 LOGARITHMS, LOG_2 = logarithms()
 POWERS = _table(powers())
 LOGS = _table([[*parts(x - (LOG_2 if j >= UPPER else 0), 41), N / (N + j)] for j, x in enumerate(LOGARITHMS)])

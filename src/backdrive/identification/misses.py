@@ -18,9 +18,7 @@ from backdrive.identification.motion_bins import Bins
 RATIO = 1.25  # of the ends of a range of speeds [-]
 PASSES, FEWEST = 4, 8  # least number of passes and of bins of a range
 CHANCE = 2e-4  # probability by which noise alone has a mean residual that counts [-]
-LIKELY = (
-    0.01  # the same, for the slowest ranges: a straight line that misses them holds from the next one on [-]
-)
+LIKELY = 0.01  # the same for the slowest ranges, behind which a straight line that misses them holds [-]
 EDGE = 1.6  # speed below which any mean residual counts: a Stribeck peak may begin there [slowest speed]
 
 
@@ -62,12 +60,12 @@ class Misses:
         if form.knots.size < 3 or not self.sizes.any():
             return choice
         covariance, n = choice.covariance.copy(), form.knots.size
-        section = np.searchsorted(form.knots, self.speeds, side="right") - 1
-        for first, way in zip(range(k, choice.coefficients.size, n), (0, 1), strict=False):
-            at = slice(first, first + n)
-            size = np.interp(form.knots, self.speeds[way], self.sizes[way])
-            for beside in (section[way], section[way] + 1):
-                np.maximum.at(size, np.clip(beside, 0, n - 1), self.sizes[way])
+        ways = zip((1.0, -1.0), self.speeds, self.sizes, strict=True)
+        for first, (sign, speeds, sizes) in zip(range(k, choice.coefficients.size, n), ways, strict=False):
+            at, size = slice(first, first + n), self.at(sign * np.maximum(form.knots, 1e-300))
+            section = np.searchsorted(form.knots, speeds, side="right") - 1
+            for beside in (section, section + 1):
+                np.maximum.at(size, np.clip(beside, 0, n - 1), sizes)
             covariance[at, at] += np.diag(size**2)
         return replace(choice, covariance=covariance)
 

@@ -15,16 +15,13 @@ from backdrive.engine import Lanes
 from backdrive.identification import regression
 from backdrive.identification.delay import earlier
 from backdrive.identification.dynamic.torque import SLOW, TorqueProblem
-from backdrive.identification.terms import columns
 from backdrive.laws import Law, Rate
 from backdrive.laws.direction import BACKWARD, ByDirection
 
 PEAK = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
 SPEEDS = (0.02, 0.05, 0.1, 0.2, 0.35, 0.6)  # at which a peak may fall, relative to the top speed [-]
-SHARES, SAMPLES = (
-    (0.0, 0.5),
-    (-3, -2, -1, 0, 1, 2, 3),
-)  # trial delays: parts of the rough one, and samples beside it
+SHARES = (0.0, 0.5)  # trial delays, as parts of the rough one [-]
+SAMPLES = (-3, -2, -1, 0, 1, 2, 3)  # and beside it [sample]
 LONGEST, MANY = 15_000, 4000  # samples that are read, and samples that are fitted to
 
 
@@ -39,27 +36,26 @@ def peak_start(problem: TorqueProblem, values: Mapping[str, float]) -> dict[str,
     one = kind.ONE if issubclass(kind, ByDirection) else kind
     if not set(PEAK) <= set(problem.names) or not set(PEAK) <= set(one.PARAMETERS) or one.NEEDS:
         return None
-    s = max(problem.stretches, key=lambda s: len(s.torque))
+    s, regressors = max(
+        zip(problem.stretches, problem.regressors, strict=True), key=lambda pair: len(pair[0].torque)
+    )
     begin = max(0, (len(s.torque) - LONGEST) // 2)
     at = slice(begin, begin + LONGEST)
     v, judged = s.velocity[at], s.judged[at]
     top = float(np.abs(v).max(initial=0.0))
     use = np.flatnonzero(judged & (np.abs(v) > SLOW * top))
     use = use[:: max(1, use.size // MANY)]
-    terms = [term for term in problem.terms if term in problem.names]
+    terms = problem.terms
     if use.size < 10 * (len(terms) + len(PEAK)):
         return None
-    fixed = sum(
-        (value * columns(s, [term])[0] for term, value in problem.known.items()), np.zeros(len(s.torque))
-    )
-    y = (s.torque - fixed)[at][use]
+    y = (s.torque - np.array(list(problem.known.values())) @ regressors[len(terms) :])[at][use]
     rough = values.get("delay", 0.0)
     late = (
         {rough + k * s.dt for k in SAMPLES} | {share * rough for share in SHARES}
         if "delay" in problem.names
         else {rough}
     )
-    motion, peaks = np.vstack([v, columns(s, terms)[:, at]]), _peaks(one, values, top)
+    motion, peaks = np.vstack([v, regressors[: len(terms), at]]), _peaks(one, values, top)
     best: tuple[float, dict[str, float]] = np.inf, {}
     for delay in sorted(late):
         moved = earlier(motion, delay / s.dt)[:, use]

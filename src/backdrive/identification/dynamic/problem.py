@@ -111,9 +111,7 @@ class Problem(ABC):
                 np.subtract(x[:, rows], y, out=part)
             else:
                 for ahead, model in zip(part, x, strict=True):  # without a temporary array of full size
-                    np.take(
-                        model, rows, out=ahead, mode="clip"
-                    )  # no copy, as it would be by the default mode
+                    np.take(model, rows, out=ahead, mode="clip")  # the default mode would copy
                     ahead -= y
             begin += y.size
         return residual
